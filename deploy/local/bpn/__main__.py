@@ -1,0 +1,3 @@
+from bpn.cli import main
+
+raise SystemExit(main())

@@ -1,0 +1,59 @@
+"""`bpn train`: one run from beginning to end, or from where it was interrupted."""
+
+import argparse
+import json
+import sys
+
+from rich.console import Console
+
+from bpn.local_run import execute, free_endpoint, new_run
+from bpn.options import add_run_options, add_runs_dir, config_from, given_run_options
+from bpn.summary import summarize
+from bpn_shared.config import PRESETS, ConfigError
+from bpn_shared.run_folder import RunFolder
+from bpn_shared.service import stop_on_signals
+
+
+def add(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+    parser = subparsers.add_parser("train", help="train a policy", description=__doc__)
+    parser.add_argument("task", nargs="?", metavar="TASK", help=f"one of: {', '.join(PRESETS)}")
+    parser.add_argument("--resume", metavar="RUN", help="go on with this run (id or its end)")
+    parser.add_argument("--json", action="store_true", help="print one final JSON object only")
+    add_runs_dir(parser)
+    add_run_options(parser)
+    parser.set_defaults(run=run)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Trains; exit status 130 if interrupted, with a folder that `--resume` takes."""
+    folder = _folder(options)
+    config = folder.config()
+    out = Console(file=sys.stderr if options.json else sys.stdout)
+    out.print(
+        f"run {folder.run} ({config.algorithm}, {config.task}, seed {config.seed}) in {folder.path}"
+    )
+    stop = stop_on_signals()
+    execute(folder, endpoint=free_endpoint(), stop=stop, out=out)
+    summary = summarize(folder)
+    if options.json:
+        print(json.dumps(summary))
+    elif summary["state"] == "finished":
+        last = summary["returns"][-5:]
+        out.print(
+            f"finished: mean return of the last {len(last)} iterations {sum(last) / len(last):.1f} px"
+        )
+    if summary["state"] == "finished":
+        return 0
+    out.print(f"stopped; go on with: bpn train --resume {folder.run} --runs-dir {options.runs_dir}")
+    return 130
+
+
+def _folder(options: argparse.Namespace) -> RunFolder:
+    if options.resume is None:
+        if options.task is None:
+            raise ConfigError(f"TASK is missing; one of: {', '.join(PRESETS)}, or --resume RUN")
+        return new_run(options.runs_dir, config_from(options))
+    given = ["TASK"] * (options.task is not None) + [f"--{n}" for n in given_run_options(options)]
+    if given:
+        raise ConfigError(f"a resumed run keeps its configuration: leave out {', '.join(given)}")
+    return RunFolder.open(options.runs_dir, options.resume)

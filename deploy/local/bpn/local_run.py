@@ -1,0 +1,159 @@
+"""One run on this machine, from its folder to its end: supervisor, progress, summary."""
+
+import contextlib
+import logging
+import socket
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+from uuid import UUID
+
+import uuid_utils
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+from bpn.supervisor import Supervisor, services_of_run
+from bpn_shared.bus.metrics import MetricsSubscriber
+from bpn_shared.bus.session import Bus
+from bpn_shared.config import RunConfig
+from bpn_shared.messages.metrics import MetricsBatch
+from bpn_shared.run_folder import RunFolder, State
+
+log = logging.getLogger(__name__)
+
+
+class RunFailedError(RuntimeError):
+    """The run cannot go on; the message says which service failed and where its log is."""
+
+
+def new_run(runs_dir: Path, config: RunConfig) -> RunFolder:
+    """A new run folder with a UUIDv7, so that names sort by time."""
+    return RunFolder.create(runs_dir, UUID(str(uuid_utils.uuid7())), config)
+
+
+def free_endpoint() -> str:
+    """A loopback endpoint that nobody listens at now."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
+
+
+def execute(
+    folder: RunFolder,
+    *,
+    endpoint: str,
+    stop: threading.Event,
+    out: Console,
+    on_started: Callable[[Supervisor], None] = lambda _: None,
+) -> None:
+    """Runs all services until the run is finished or `stop` is set; leaves no process.
+
+    Prints one line per iteration to `out`; the progress bar goes to standard error if that is a terminal.
+
+    Raises:
+        RunFailedError: a service failed for good.
+    """
+    config = folder.config()
+    supervisor = Supervisor(
+        services_of_run(folder.run, config, folder.path.parent, endpoint), folder.logs
+    )
+    try:
+        supervisor.start()
+        on_started(supervisor)
+        with _display(folder, config, endpoint, stop, out):
+            supervisor.wait("learner", stop)
+    finally:
+        supervisor.stop()
+        state = folder.state()
+        if state.state not in ("finished", "failed"):
+            end: State = "failed" if supervisor.failure else "stopped"
+            folder.set_state(end, error=supervisor.failure)
+    if supervisor.failure:
+        raise RunFailedError(f"{supervisor.failure} in {folder.logs}")
+
+
+@contextlib.contextmanager
+def _display(
+    folder: RunFolder, config: RunConfig, endpoint: str, stop: threading.Event, out: Console
+) -> Iterator[None]:
+    """Shows progress from a thread of its own while the body runs."""
+    done = threading.Event()
+    display = _Display(folder, config, out)
+
+    def follow() -> None:
+        with contextlib.suppress(RuntimeError), Bus(endpoint, stop=done) as bus:
+            subscriber = MetricsSubscriber(bus, folder.run, display.on_batch)
+            while not done.wait(0.2):
+                display.show_new_lines()
+            del subscriber
+
+    thread = threading.Thread(target=follow, name="progress")
+    with display.progress:
+        thread.start()
+        try:
+            yield
+        finally:
+            done.set()
+            thread.join(timeout=5.0)
+            if not stop.is_set():
+                display.show_new_lines()
+
+
+class _Display:
+    def __init__(self, folder: RunFolder, config: RunConfig, out: Console) -> None:
+        self._folder, self._config, self._out = folder, config, out
+        self._shown = len(folder.metrics())
+        self.progress = Progress(
+            TextColumn("{task.description}"),
+            BarColumn(),
+            MofNCompleteColumn(),
+            TimeRemainingColumn(),
+            console=Console(stderr=True),
+            transient=True,
+            disable=not sys.stderr.isatty(),
+        )
+        self._iterations = self.progress.add_task(
+            "iterations", total=config.iterations, completed=self._shown
+        )
+        self._part = self.progress.add_task("starting", total=None)
+
+    def on_batch(self, batch: MetricsBatch) -> None:
+        """Moves the second bar: episodes while collecting, epochs while updating."""
+        values = {point.name: point.value for point in batch.points}
+        if "progress.episodes" in values:
+            self.progress.update(
+                self._part,
+                description="episodes",
+                total=self._config.episodes,
+                completed=values["progress.episodes"],
+            )
+        elif "progress.epochs" in values:
+            self.progress.update(
+                self._part,
+                description="epochs",
+                total=self._config.epochs,
+                completed=values["progress.epochs"],
+            )
+
+    def show_new_lines(self) -> None:
+        """One line for every iteration that was finished since the last call."""
+        records = self._folder.metrics()
+        for record in records[self._shown :]:
+            self._out.print(_line(record, self._config), highlight=False, soft_wrap=True)
+        self._shown = len(records)
+        self.progress.update(self._iterations, completed=self._shown)
+
+
+def _line(record: dict[str, Any], config: RunConfig) -> str:
+    return (
+        f"iteration {record['iteration'] + 1:3d}/{config.iterations}"
+        f"  return {record['return_px']:8.1f} px"
+        f"  length {record['length']:5.1f}"
+        f"  loss {record['loss']:8.4f}"
+        f"  lambda {record['scale']:6.3f}"
+        f"  {record['transitions'] / record['collect_s']:5.0f} steps/s"
+        f"  {record['updates'] / record['update_s']:5.0f} updates/s"
+        f"  {record['iteration_s']:5.1f} s"
+    )

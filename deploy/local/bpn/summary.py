@@ -1,0 +1,78 @@
+"""What a run came to, from its folder alone: the object that `bpn train --json` prints."""
+
+from statistics import median
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from bpn_shared.messages.episode import Episode
+from bpn_shared.run_folder import RunFolder
+
+
+def summarize(folder: RunFolder) -> dict[str, Any]:
+    """The run's results.
+
+    Returns:
+        run_id, state, iterations, episodes, transitions, episodes_lost, episodes_duplicated,
+        weights_version, weights_sha256 (of the policy alone: equal policies, equal digests), returns and
+        lengths (means per iteration; pixels and steps), seconds (in all iterations),
+        edge.inference_us and loop.camera_to_action_us ({p50, p99} over all steps), loop.steps_per_s and
+        learner.updates_per_s (medians over iterations; the first includes the start of the processes).
+    """
+    config, records = folder.config(), folder.metrics()
+    inference_us, camera_to_action_us = _timings_us(folder)
+    learned_from = sum(record["episodes"] for record in records)
+    stored = sum(
+        folder.episode_path(record["iteration"], episode).exists()
+        for record in records
+        for episode in range(config.episodes)
+    )
+    weights = folder.newest_weights() if records else None
+    return {
+        "run_id": str(folder.run),
+        "state": folder.state().state,
+        "task": config.task,
+        "algorithm": config.algorithm,
+        "seed": config.seed,
+        "iterations": len(records),
+        "episodes": stored,
+        "transitions": sum(record["transitions"] for record in records),
+        "episodes_lost": len(records) * config.episodes - stored,
+        "episodes_duplicated": learned_from - stored,
+        "weights_version": weights.version if weights else None,
+        "weights_sha256": weights.content_sha256() if weights else None,
+        "returns": [round(record["return_px"], 3) for record in records],
+        "lengths": [round(record["length"], 3) for record in records],
+        "seconds": round(sum(record["iteration_s"] for record in records), 3),
+        "edge": {"inference_us": percentiles(inference_us)},
+        "loop": {
+            "camera_to_action_us": percentiles(camera_to_action_us),
+            "steps_per_s": _median([r["transitions"] / r["collect_s"] for r in records]),
+        },
+        "learner": {"updates_per_s": _median([r["updates"] / r["update_s"] for r in records])},
+    }
+
+
+def percentiles(values: npt.NDArray[np.float64]) -> dict[str, float | None]:
+    """p50 and p99, or None where there are no values."""
+    if not len(values):
+        return {"p50": None, "p99": None}
+    p50, p99 = np.percentile(values, [50, 99])
+    return {"p50": round(float(p50), 2), "p99": round(float(p99), 2)}
+
+
+def _median(values: list[float]) -> float | None:
+    return round(median(values), 2) if values else None
+
+
+def _timings_us(folder: RunFolder) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+    task = folder.config().task_spec
+    inference: list[npt.NDArray[np.float64]] = []
+    loop: list[npt.NDArray[np.float64]] = []
+    for path in sorted((folder.path / "episodes").glob("*.bpne")):
+        episode = Episode.decode(path.read_bytes(), task)
+        inference.append(episode.inference_ns / 1e3)
+        loop.append(episode.camera_to_action_ns[episode.camera_to_action_ns > 0] / 1e3)
+    empty = np.empty(0)
+    return np.concatenate([empty, *inference]), np.concatenate([empty, *loop])

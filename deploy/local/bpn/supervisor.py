@@ -1,0 +1,166 @@
+"""Runs the services of one run as processes, restarts those that die, and stops all of them."""
+
+import logging
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import IO
+from uuid import UUID
+
+from bpn_shared.config import RunConfig
+from bpn_shared.worker import EXIT_FINISHED, EXIT_UNRECOVERABLE, SUPERVISOR_PID
+
+log = logging.getLogger(__name__)
+
+BACKOFF_FIRST_S, BACKOFF_MAX_S = 0.2, 10.0
+STEADY_S = 20.0
+"""A process that ran this long was well: its next restart is quick again."""
+GIVE_UP_AFTER = 8
+"""Deaths in a row, none of them after a steady time, that make the supervisor stop trying."""
+STOP_GRACE_S = 2.0
+
+
+@dataclass
+class Service:
+    """One process to keep running."""
+
+    name: str
+    arguments: Sequence[str]
+    process: subprocess.Popen[bytes] | None = None
+    started_s: float = 0.0
+    deaths: int = 0
+    restart_at_s: float = 0.0
+    finished: bool = False
+    failure: str = ""
+    restarts: int = field(default=0)
+
+    @property
+    def pid(self) -> int | None:
+        return self.process.pid if self.process is not None else None
+
+
+class Supervisor:
+    """Keeps services running until one of them fails for good or `stop` is called.
+
+    Args:
+        services: what to run; a service that exits with 0 has finished and is not restarted.
+        logs: folder for what each service says.
+    """
+
+    def __init__(self, services: Sequence[Service], logs: Path) -> None:
+        self.services = services
+        self._logs = logs
+
+    def start(self) -> None:
+        self._logs.mkdir(parents=True, exist_ok=True)
+        for service in self.services:
+            self._spawn(service)
+
+    def _spawn(self, service: Service) -> None:
+        with self._log_file(service) as output:
+            service.process = subprocess.Popen(  # noqa: S603 - our own modules
+                [sys.executable, "-m", *service.arguments],
+                stdin=subprocess.DEVNULL,
+                stdout=output,
+                stderr=output,
+                env={**os.environ, **quiet_threads(), SUPERVISOR_PID: str(os.getpid())},
+                start_new_session=True,  # Ctrl-C goes to us alone, and we stop them in order
+            )
+        service.started_s = time.monotonic()
+
+    def _log_file(self, service: Service) -> IO[bytes]:
+        return (self._logs / f"{service.name}.log").open("ab")
+
+    def check(self) -> None:
+        """Looks after every service once: notices deaths, restarts what is due."""
+        now_s = time.monotonic()
+        for service in self.services:
+            if service.finished or service.failure:
+                continue
+            if service.process is None:
+                if now_s >= service.restart_at_s:
+                    service.restarts += 1
+                    self._spawn(service)
+            elif (status := service.process.poll()) is not None:
+                self._died(service, status, now_s)
+
+    def _died(self, service: Service, status: int, now_s: float) -> None:
+        service.process = None
+        if status == EXIT_FINISHED:
+            service.finished = True
+            return
+        steady = now_s - service.started_s >= STEADY_S
+        service.deaths = 1 if steady else service.deaths + 1
+        how = f"signal {signal.Signals(-status).name}" if status < 0 else f"exit status {status}"
+        if status == EXIT_UNRECOVERABLE or service.deaths >= GIVE_UP_AFTER:
+            service.failure = f"{service.name} ended with {how}; see {service.name}.log"
+            return
+        delay_s = min(BACKOFF_FIRST_S * 2 ** (service.deaths - 1), BACKOFF_MAX_S)
+        service.restart_at_s = now_s + delay_s
+        log.warning("%s ended with %s, starts again in %.1f s", service.name, how, delay_s)
+
+    @property
+    def failure(self) -> str:
+        """Why the run cannot go on, or an empty string."""
+        return next((service.failure for service in self.services if service.failure), "")
+
+    def service(self, name: str) -> Service:
+        """The service of that name.
+
+        Raises:
+            KeyError: there is none.
+        """
+        for service in self.services:
+            if service.name == name:
+                return service
+        raise KeyError(name)
+
+    def wait(self, name: str, stop: threading.Event, interval_s: float = 0.05) -> None:
+        """Looks after the services until `name` has finished, something failed for good, or `stop`."""
+        while not (self.service(name).finished or self.failure or stop.wait(interval_s)):
+            self.check()
+
+    def stop(self) -> None:
+        """Ends all processes: SIGTERM, and SIGKILL for what is left after the grace time.
+
+        In reverse order of the services: the router, which is first, goes last.
+        """
+        running = [s.process for s in reversed(self.services) if s.process is not None]
+        for process in running:
+            process.terminate()
+        deadline_s = time.monotonic() + STOP_GRACE_S
+        for process in running:
+            try:
+                process.wait(max(0.0, deadline_s - time.monotonic()))
+            except subprocess.TimeoutExpired:
+                process.kill()
+                process.wait()
+        for service in self.services:
+            service.process = None
+
+
+def quiet_threads() -> dict[str, str]:
+    """Environment that keeps numerical libraries from spinning on each other's cores.
+
+    Two busy torch threads beside other processes on two cores ran forty times slower than one.
+    """
+    return {"OMP_NUM_THREADS": "1", "OMP_WAIT_POLICY": "passive", "OPENBLAS_NUM_THREADS": "1"}
+
+
+def services_of_run(run: UUID, config: RunConfig, runs_dir: Path, endpoint: str) -> list[Service]:
+    """Router, learner, and a robot with its edge for every slot."""
+    place = ["--run", str(run), "--connect", endpoint]
+    services = [
+        Service("router", ["bpn_shared.bus.router", "--listen", endpoint]),
+        Service("learner", ["bpn_learner", *place, "--runs-dir", str(runs_dir)]),
+    ]
+    for slot in range(config.robots):
+        services.append(Service(f"robot-{slot}", ["bpn_robot_sim", *place, "--slot", str(slot)]))
+        services.append(Service(f"edge-{slot}", ["bpn_edge", *place, "--slot", str(slot)]))
+    return services

@@ -1,0 +1,3 @@
+from bpn_edge.service import main
+
+raise SystemExit(main())

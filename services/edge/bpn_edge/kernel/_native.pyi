@@ -1,0 +1,26 @@
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+def available_paths() -> list[str]: ...
+
+class Network:
+    def __init__(
+        self,
+        path: str,
+        channels: int,
+        weights: Sequence[npt.NDArray[np.int8]],
+        thresholds: Sequence[npt.NDArray[np.int32]],
+        /,
+    ) -> None: ...
+    def run(self, observation: npt.NDArray[np.uint8], /) -> npt.NDArray[np.int32]: ...
+    def trace(
+        self, observation: npt.NDArray[np.uint8], /
+    ) -> tuple[
+        npt.NDArray[np.uint8],
+        npt.NDArray[np.uint8],
+        npt.NDArray[np.uint8],
+        npt.NDArray[np.uint8],
+        npt.NDArray[np.int32],
+    ]: ...

@@ -1,0 +1,26 @@
+"""The reference arithmetic as a kernel: slow (1-3 ms), needs nothing but numpy."""
+
+from bpn_shared.bnn import golden
+from bpn_shared.bnn.blob import WeightBlob
+from bpn_shared.bnn.golden import Integers, Observation
+
+from bpn_edge.kernel.protocol import not_loaded
+
+
+class GoldenKernel:
+    """A `Kernel` over `bpn_shared.bnn.golden`."""
+
+    name = "golden"
+
+    def __init__(self) -> None:
+        self._blob: WeightBlob | None = None
+
+    def load(self, blob: WeightBlob) -> None:
+        """See `Kernel.load`."""
+        self._blob = blob
+
+    def run(self, observation: Observation) -> Integers:
+        """See `Kernel.run`."""
+        if self._blob is None:
+            raise not_loaded(self.name)
+        return golden.forward(self._blob, observation)[-1]

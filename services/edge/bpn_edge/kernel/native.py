@@ -1,0 +1,59 @@
+"""The C++ kernel: bit-parallel XNOR/popcount, bit-exact with `bpn_shared.bnn.golden`."""
+
+from bpn_shared.bnn.blob import WeightBlob
+from bpn_shared.bnn.golden import Integers, Observation
+
+from bpn_edge.kernel import _native
+from bpn_edge.kernel.protocol import not_loaded
+
+
+def available_paths() -> tuple[str, ...]:
+    """The instruction-set paths that this machine can run, best first; "portable" is always one."""
+    return tuple(_native.available_paths())
+
+
+class NativeKernel:
+    """A `Kernel` in C++. `run` releases the GIL, and several threads may run it at once.
+
+    Args:
+        path: an instruction-set path of `available_paths`; by default the best.
+
+    Raises:
+        ValueError: this machine cannot run that path.
+    """
+
+    name = "native"
+
+    def __init__(self, path: str | None = None) -> None:
+        paths = available_paths()
+        if path is not None and path not in paths:
+            raise ValueError(f"path = {path!r} does not run here; one of: {', '.join(paths)}")
+        self.path = path or paths[0]
+        self._network: _native.Network | None = None
+
+    def load(self, blob: WeightBlob) -> None:
+        """See `Kernel.load`; runs that have begun end with the weights they began with."""
+        self._network = _native.Network(
+            self.path, blob.spec.channels, blob.weights, blob.thresholds
+        )
+
+    def run(self, observation: Observation) -> Integers:
+        """See `Kernel.run`."""
+        if self._network is None:
+            raise not_loaded(self.name)
+        return self._network.run(observation)
+
+    def trace(self, observation: Observation) -> tuple[tuple[Observation, ...], Integers]:
+        """One inference with its inner activations, for tests and diagnosis.
+
+        Returns:
+            The activations of layers 1-4 as uint8 (1 is +1, 0 is -1), flattened from
+            [20,20,8], [9,9,16], [7,7,16] and [N]; and o_5, int32[|A|].
+
+        Raises:
+            RuntimeError, ValueError: as `run`.
+        """
+        if self._network is None:
+            raise not_loaded(self.name)
+        *activations, outputs = self._network.trace(observation)
+        return tuple(activations), outputs

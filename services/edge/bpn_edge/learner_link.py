@@ -1,0 +1,54 @@
+"""The edge's end of the two requests to its learner: what to play next, and here is an episode."""
+
+from bpn_shared import keys
+from bpn_shared.bus.requests import NoReplyError, RefusedError, request
+from bpn_shared.messages.base import MessageError
+from bpn_shared.messages.control import Assignment, EpisodeReceipt, NextEpisode
+from bpn_shared.messages.episode import Episode
+from bpn_shared.worker import Worker
+
+_ASK_TIMEOUT_S = 2.0
+_DELIVER_TIMEOUT_S = 10.0
+_AGAIN_S = 0.1
+
+
+class LearnerLink:
+    """Asks and delivers until the learner answers, however often it is restarted meanwhile."""
+
+    def __init__(self, worker: Worker) -> None:
+        self._worker = worker
+
+    def next_episode(self) -> Assignment | None:
+        """What this slot shall play; None if the worker was stopped."""
+        worker = self._worker
+        body = NextEpisode(slot=worker.slot, worker=worker.id).encode()
+        answer = self._insist(keys.next_episode(worker.run), body, _ASK_TIMEOUT_S, "an episode")
+        return None if answer is None else Assignment.decode(answer)
+
+    def deliver(self, episode: Episode) -> None:
+        """Returns once the learner has taken the episode, has it already, or does not want it."""
+        worker = self._worker
+        which = f"episode ({episode.meta.iteration}, {episode.meta.episode})"
+        answer = self._insist(
+            keys.episode(worker.run), episode.encode(), _DELIVER_TIMEOUT_S, f"a receipt for {which}"
+        )
+        if answer is None:
+            return
+        receipt = EpisodeReceipt.decode(answer)
+        worker.counters.add(f"episodes_{receipt.verdict}")
+        if receipt.verdict == "refused":
+            worker.counters.refuse("episodes_not_wanted", f"{which}: {receipt.reason}")
+
+    def _insist(self, key: str, body: bytes, timeout_s: float, what: str) -> bytes | None:
+        worker = self._worker
+        while not worker.stop.is_set():
+            try:
+                answer = request(worker.bus, key, body, timeout_s=timeout_s)
+                worker.waiting.done()
+                return answer
+            except NoReplyError:
+                worker.waiting.set(f"the learner to give {what}")
+            except (RefusedError, MessageError) as error:
+                worker.counters.refuse("requests_refused_by_learner", f"learner: {error}")
+            worker.stop.wait(_AGAIN_S)
+        return None

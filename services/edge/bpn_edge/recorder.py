@@ -1,0 +1,73 @@
+"""Records the episode that is being played."""
+
+import numpy as np
+import numpy.typing as npt
+
+from bpn_shared.messages.control import Assignment
+from bpn_shared.messages.episode import Episode, EpisodeMeta
+from bpn_shared.messages.frame import FrameHeader, FrameKind
+from bpn_shared.observation import stack
+from bpn_shared.tasks import Task
+
+
+class EpisodeRecorder:
+    """Frames, actions as applied, and network outputs of one episode, in step order."""
+
+    def __init__(self, task: Task) -> None:
+        self._task = task
+        self._headers: list[FrameHeader] = []
+        self._frames: list[npt.NDArray[np.uint8]] = []
+        self._outputs: list[npt.NDArray[np.int32]] = []
+        self._inference_ns: list[int] = []
+        self._first_ns = self._last_ns = 0
+
+    @property
+    def next_step(self) -> int:
+        """The step of the frame that has to come next."""
+        return len(self._frames)
+
+    def add_frame(
+        self, header: FrameHeader, pixels: npt.NDArray[np.uint8], t_receive_ns: int
+    ) -> None:
+        """Appends the frame of step `next_step`."""
+        if not self._frames:
+            self._first_ns = t_receive_ns
+        self._last_ns = t_receive_ns
+        self._headers.append(header)
+        self._frames.append(pixels)
+
+    def observation(self) -> npt.NDArray[np.uint8]:
+        """s_t after the newest frame, uint8[C, 84, 84]."""
+        return stack(self._frames, len(self._frames) - 1, self._task.frames_stacked)
+
+    def add_outputs(self, outputs: npt.NDArray[np.int32], inference_ns: int) -> None:
+        """Appends what the network said to the newest observation."""
+        self._outputs.append(outputs)
+        self._inference_ns.append(inference_ns)
+
+    def finish(
+        self, assignment: Assignment, *, slot: int, worker: str, weights_attempt: int
+    ) -> Episode:
+        """The episode, once the last frame was added. Actions are those that the robot applied."""
+        later = self._headers[1:]
+        return Episode(
+            meta=EpisodeMeta(
+                iteration=assignment.iteration,
+                episode=assignment.episode,
+                seed=assignment.seed,
+                slot=slot,
+                worker=worker,
+                weights_attempt=weights_attempt,
+                weights_version=assignment.weights_version,
+                failed=self._headers[-1].kind == FrameKind.FAILED,
+                deadline_misses=self._headers[-1].deadline_misses,
+                duration_ns=self._last_ns - self._first_ns,
+            ),
+            frames=np.stack(self._frames),
+            actions=np.array([header.applied_action for header in later], np.uint8),
+            outputs=np.stack(self._outputs),
+            inference_ns=np.array(self._inference_ns, np.uint32),
+            camera_to_action_ns=np.array(
+                [header.camera_to_action_ns for header in later], np.uint32
+            ),
+        )

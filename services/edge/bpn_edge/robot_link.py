@@ -1,0 +1,63 @@
+"""The edge's end of the two streams and the reset to its robot."""
+
+import numpy as np
+import numpy.typing as npt
+
+from bpn_shared import keys
+from bpn_shared.bus.latest import LatestPublisher, LatestSubscriber
+from bpn_shared.bus.requests import NoReplyError, RefusedError, request
+from bpn_shared.messages.action import Action
+from bpn_shared.messages.base import MessageError
+from bpn_shared.messages.control import Reset
+from bpn_shared.messages.frame import FrameHeader, decode_frame
+from bpn_shared.tasks import Task
+from bpn_shared.worker import Worker
+
+_RESET_TIMEOUT_S = 1.0
+_RESET_AGAIN_S = 0.1
+
+Frame = tuple[FrameHeader, npt.NDArray[np.uint8], int]
+"""Header, pixels uint8[c, 84, 84], and when it arrived (monotonic ns)."""
+
+
+class RobotLink:
+    """Frames in, actions out, for the robot of this worker's slot."""
+
+    def __init__(self, worker: Worker, task: Task) -> None:
+        self._worker = worker
+        self._task = task
+        self._reset_key = keys.reset(worker.run, worker.slot)
+        self._frames = LatestSubscriber(worker.bus, keys.frame(worker.run, worker.slot))
+        self._actions = LatestPublisher(worker.bus, keys.action(worker.run, worker.slot), "action")
+
+    def reset(self, reset: Reset) -> bool:
+        """Tells the robot to begin an episode, again and again until it answers; False if stopped."""
+        worker = self._worker
+        while not worker.stop.is_set():
+            try:
+                request(worker.bus, self._reset_key, reset.encode(), timeout_s=_RESET_TIMEOUT_S)
+                return True
+            except NoReplyError:
+                worker.waiting.set(f"robot {worker.slot} to answer a reset")
+            except RefusedError as error:
+                worker.counters.refuse("resets_refused", f"robot {worker.slot}: {error}")
+            worker.stop.wait(_RESET_AGAIN_S)
+        return False
+
+    def next_frame(self, reset_id: int, timeout_s: float) -> Frame | None:
+        """The newest frame of that reset's episode; None if none comes within the timeout."""
+        sample = self._frames.take(timeout_s, self._worker.stop.is_set)
+        if sample is None:
+            return None
+        try:
+            header, pixels = decode_frame(sample.attachment, sample.payload, self._task.frame_shape)
+        except MessageError as error:
+            self._worker.counters.refuse("frames_refused", str(error))
+            return None
+        if header.reset_id != reset_id:
+            self._worker.counters.add("frames_of_other_episodes")
+            return None
+        return header, pixels, sample.t_receive_ns
+
+    def send(self, action: Action) -> None:
+        self._actions.put(action.encode())

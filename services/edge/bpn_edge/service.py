@@ -1,0 +1,76 @@
+"""`bpn-edge`: the policy at the robot. Frames in, actions out; episodes to the learner."""
+
+import logging
+
+from bpn_edge.driver import Choose, EpisodeDriver
+from bpn_edge.learner_link import LearnerLink
+from bpn_edge.memory import WeightMemory
+from bpn_edge.policy import epsilon_greedy_action, softmax_action
+from bpn_edge.robot_link import RobotLink
+from bpn_shared.bus.weights import WeightsSubscriber
+from bpn_shared.config import RunConfig
+from bpn_shared.messages.base import MessageError
+from bpn_shared.messages.control import Assignment
+from bpn_shared.worker import EXIT_FINISHED, Worker, run_slot_worker
+
+log = logging.getLogger(__name__)
+
+_WEIGHTS_TIMEOUT_S = 1.0
+_POLL_S = 0.02
+_SILENCE_S = 1.0
+
+
+def chooser(config: RunConfig, assignment: Assignment, scale: float) -> Choose:
+    """The policy of the run's algorithm, for one episode."""
+    if config.algorithm == "bpn":
+        return lambda outputs, uniform: softmax_action(outputs, scale, config.beta, uniform)
+    return lambda outputs, uniform: epsilon_greedy_action(outputs, assignment.epsilon, uniform)
+
+
+def serve(worker: Worker, config: RunConfig) -> int:
+    """Plays what the learner assigns, until there is no more or the worker is stopped."""
+    task = config.task_spec
+    memory = WeightMemory(config.kernel, config.network, worker.counters)
+    weights = WeightsSubscriber(
+        worker.bus, worker.run, config.network, memory.offer, worker.counters
+    )
+    period_s = task.control_period_s if config.pacing == "realtime" else 0.0
+    driver = EpisodeDriver(
+        worker, task, RobotLink(worker, task), memory, max(_SILENCE_S, 5 * period_s)
+    )
+    learner = LearnerLink(worker)
+    while not worker.stop.is_set():
+        assignment = _ask(learner, worker)
+        if assignment is None:
+            continue
+        if assignment.verdict == "finished":
+            log.info("the run is finished")
+            break
+        if assignment.verdict == "wait":
+            worker.waiting.set(assignment.reason)
+            worker.stop.wait(_POLL_S)
+            continue
+        if not memory.activate(assignment.weights_version, _WEIGHTS_TIMEOUT_S):
+            worker.waiting.set(f"weights version {assignment.weights_version}")
+            weights.refresh()
+            continue
+        worker.waiting.done()
+        assert memory.blob is not None  # activate() said so
+        episode = driver.play(assignment, chooser(config, assignment, memory.blob.scale))
+        if episode is not None:
+            learner.deliver(episode)
+    return EXIT_FINISHED
+
+
+def _ask(learner: LearnerLink, worker: Worker) -> Assignment | None:
+    try:
+        return learner.next_episode()
+    except MessageError as error:
+        worker.counters.refuse("answers_refused", str(error))
+        worker.stop.wait(_POLL_S)
+        return None
+
+
+def main(argv: list[str] | None = None) -> int:
+    """The edge service."""
+    return run_slot_worker("edge", __doc__, serve, argv)

@@ -1,0 +1,3 @@
+from bpn_learner.service import main
+
+raise SystemExit(main())

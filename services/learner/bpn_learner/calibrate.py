@@ -1,0 +1,54 @@
+"""Batch norm statistics of the network as it is now, over all of D.
+
+After a policy update the weights have flipped and every statistic from training belongs to another
+network. Estimating them anew, layer by layer, makes the exported thresholds belong to these weights.
+"""
+
+import torch
+from torch import Tensor
+
+from bpn_learner.networks import BinaryNetwork, activation, exact_dot_products
+
+
+@torch.no_grad()
+def reestimate_batch_norm(network: BinaryNetwork, observations: Tensor, batch: int = 256) -> None:
+    """Sets `network.mean` and `network.var`, layer l's with layers below l evaluated with theirs.
+
+    The integers' sums are exact (int64, then Python's), so the result does not depend on `batch` nor
+    on the order of observations.
+
+    Args:
+        observations: uint8[n, C, 84, 84], n >= 1.
+        batch: observations in one forward pass.
+
+    Raises:
+        ValueError: there is no observation.
+    """
+    if len(observations) == 0:
+        raise ValueError("batch norm needs at least 1 observation to estimate from, got 0")
+    layers, weights = network.spec.layers, network.signs()
+    inputs = list(torch.split(observations, batch))
+    first = 0
+    for index, layer in enumerate(layers[:-1]):
+        outputs = [exact_dot_products(layer, weights[index], x.float()) for x in inputs]
+        mean, var = _moments(outputs)
+        channels = slice(first, first + layer.out_channels)
+        network.mean[channels], network.var[channels] = mean, var
+        first += layer.out_channels
+        a, b = network.affine()[index]
+        inputs = [activation(a, b, o) for o in outputs]
+
+
+def _moments(outputs: list[Tensor]) -> tuple[Tensor, Tensor]:
+    """Mean and (biased) variance per channel of integers [B, out, h, w]; float64[out] each."""
+    count = sum(o.numel() // o.shape[1] for o in outputs)
+    totals = torch.zeros(outputs[0].shape[1], dtype=torch.int64, device=outputs[0].device)
+    squares = torch.zeros_like(totals)
+    for o in outputs:
+        integers = o.long()
+        totals += integers.sum(dim=(0, 2, 3))
+        squares += integers.square().sum(dim=(0, 2, 3))
+    pairs = list(zip(totals.tolist(), squares.tolist(), strict=True))
+    mean = [total / count for total, _ in pairs]
+    var = [(count * square - total * total) / (count * count) for total, square in pairs]
+    return torch.tensor(mean, dtype=torch.float64), torch.tensor(var, dtype=torch.float64)

@@ -1,0 +1,201 @@
+"""P-networks of the paper's geometry: binarized (BPN, BQN) and floating point (CVI, DQN).
+
+All latent weights of a binarized network are one vector in the weight blob's order (layer; out, kernel
+row, kernel column, input channel). That is also the memory order of channels-last convolution kernels,
+so export is `sign` alone; and one vector is one kernel launch for signs, optimizer and clipping.
+
+Inputs are pixel values 0..255 in float32. Every sum a binarized layer can form is an integer below
+2**24 (conv1: at most 255 * 64 * 16), so float32 holds it exactly, in any order of summation.
+"""
+
+import torch
+from bpn_shared.bnn.spec import MAX_PIXEL, Layer, NetworkSpec
+from torch import Tensor, nn
+from torch.nn import functional
+
+from bpn_learner.binarize import sign
+
+BATCH_NORM_EPSILON = 1e-5
+
+
+class PNetwork(nn.Module):
+    """Action preferences P(s, .): pixels float32[B, C, 84, 84] of 0..255 to float32[B, |A|]."""
+
+    def __init__(self, spec: NetworkSpec) -> None:
+        super().__init__()
+        self.spec = spec
+
+    def clip_latent_weights(self) -> None:
+        """What every optimizer step is followed by; nothing where no weight is binarized."""
+
+    def scale(self) -> Tensor:
+        """The factor lambda of P, float32[]; 1 where there is none."""
+        return torch.ones(())
+
+    def max_preference(self) -> float:
+        """Largest |P| that the network can express."""
+        return float("inf")
+
+
+class BinaryNetwork(PNetwork):
+    """The paper's network (sections IV-A, IV-B): binary weights and activations, P = lambda o_5.
+
+    Batch normalization follows layers 1-4. It keeps no running averages, which lag behind weights that
+    flip: training uses the minibatch's own statistics, and `mean` and `var` belong to the evaluated and
+    exported network alone; `calibrate.reestimate_batch_norm` sets them.
+
+    Attributes:
+        latent: float32[weight_bits], in [-1, 1].
+        gamma, beta: float32[channels of layers 1-4 together].
+        mean, var: float64, of the same shape.
+        log_scale: float32[], log lambda.
+
+    Args:
+        spec: geometry.
+        scale_initial: lambda at the start, above 0.
+        generator: draws the latent weights, uniform in [-1, 1).
+    """
+
+    mean: Tensor
+    var: Tensor
+
+    def __init__(
+        self, spec: NetworkSpec, *, scale_initial: float, generator: torch.Generator
+    ) -> None:
+        super().__init__(spec)
+        self._weight_sizes = [layer.out_channels * layer.fan_in for layer in spec.layers]
+        self._norm_sizes = [layer.out_channels for layer in spec.layers[:-1]]
+        channels = sum(self._norm_sizes)
+        latent = torch.empty(spec.weight_bits).uniform_(-1, 1, generator=generator)
+        self.latent = nn.Parameter(latent)
+        self.gamma = nn.Parameter(torch.ones(channels))
+        self.beta = nn.Parameter(torch.zeros(channels))
+        self.log_scale = nn.Parameter(torch.tensor(float(scale_initial)).log())
+        self.register_buffer("mean", torch.zeros(channels, dtype=torch.float64))
+        self.register_buffer("var", torch.cat([_variance(layer) for layer in spec.layers[:-1]]))
+
+    def forward(self, pixels: Tensor) -> Tensor:
+        """P(s, .): in training with the minibatch's statistics, else exactly as exported."""
+        if not self.training:
+            return self.scale() * self.integers(pixels)[-1].flatten(1)
+        weights = self.signs()
+        gammas, betas = (
+            torch.split(self.gamma, self._norm_sizes),
+            torch.split(self.beta, self._norm_sizes),
+        )
+        x = pixels
+        for index, (gamma, beta) in enumerate(zip(gammas, betas, strict=True)):
+            o = dot_products(self.spec.layers[index], weights[index], x)
+            x = sign(
+                functional.batch_norm(
+                    o, None, None, gamma, beta, training=True, eps=BATCH_NORM_EPSILON
+                )
+            )
+        return self.scale() * dot_products(self.spec.layers[-1], weights[-1], x).flatten(1)
+
+    def signs(self) -> list[Tensor]:
+        """Sign(w) per layer, float32[out, fan_in] as the blob has them (before `fold`'s flips)."""
+        signs = torch.split(sign(self.latent), self._weight_sizes)
+        return [s.view(g.weight_shape) for s, g in zip(signs, self.spec.layers, strict=True)]
+
+    def affine(self) -> list[tuple[Tensor, Tensor]]:
+        """a, b (float64[out]) of layers 1-4: the evaluated activation is Sign(a o + b)."""
+        a = self.gamma.detach().double() / torch.sqrt(self.var + BATCH_NORM_EPSILON)
+        b = self.beta.detach().double() - a * self.mean
+        return list(
+            zip(torch.split(a, self._norm_sizes), torch.split(b, self._norm_sizes), strict=True)
+        )
+
+    @torch.no_grad()
+    def integers(self, pixels: Tensor) -> list[Tensor]:
+        """o_1..o_5 of the evaluated network, float32[B, out, out_size, out_size], exact."""
+        layers, weights = self.spec.layers, self.signs()
+        outputs = [exact_dot_products(layers[0], weights[0], pixels)]
+        for layer, signs, (a, b) in zip(layers[1:], weights[1:], self.affine(), strict=True):
+            outputs.append(exact_dot_products(layer, signs, activation(a, b, outputs[-1])))
+        return outputs
+
+    def scale(self) -> Tensor:
+        """The factor lambda, float32[]: learned, being difficult to set by hand (section IV-B c)."""
+        return self.log_scale.exp()
+
+    def max_preference(self) -> float:
+        """The largest |P|: lambda N."""
+        return float(self.scale().detach()) * self.spec.nodes
+
+    @torch.no_grad()
+    def clip_latent_weights(self) -> None:
+        """Latent weights to [-1, 1], where the straight-through gradient can still move them."""
+        self.latent.clamp_(-1, 1)
+
+
+class FloatNetwork(PNetwork):
+    """The same geometry in floating point: pixels / 255, biases, ReLU; the network of CVI and DQN.
+
+    Args:
+        spec: geometry.
+        generator: draws weights and biases, uniform in +-1/sqrt(fan_in) as torch's layers do.
+    """
+
+    def __init__(self, spec: NetworkSpec, *, generator: torch.Generator) -> None:
+        super().__init__(spec)
+        conv1, conv2, conv3, fc1, fc2 = spec.layers
+        self.parts = nn.Sequential(
+            *(_convolution(conv1), nn.ReLU(), _convolution(conv2), nn.ReLU()),
+            *(_convolution(conv3), nn.ReLU(), nn.Flatten()),
+            *(nn.Linear(fc1.fan_in, fc1.out_channels), nn.ReLU()),
+            nn.Linear(fc2.fan_in, fc2.out_channels),
+        )
+        trained = (part for part in self.parts if isinstance(part, nn.Conv2d | nn.Linear))
+        for layer, part in zip(spec.layers, trained, strict=True):
+            for parameter in part.parameters():
+                bound = layer.fan_in**-0.5
+                nn.init.uniform_(parameter, -bound, bound, generator=generator)
+
+    def forward(self, pixels: Tensor) -> Tensor:
+        preferences: Tensor = self.parts(pixels / MAX_PIXEL)
+        return preferences
+
+
+def dot_products(layer: Layer, signs: Tensor, x: Tensor) -> Tensor:
+    """Integers o = sum Sign(w) x (Eq. 7a): a convolution, or a product where one patch is all input.
+
+    Args:
+        signs: float32[out, fan_in], fan_in in the order (kernel row, kernel column, channel).
+        x: float32[B, in_channels, in_size, in_size]; channels-last in memory is fastest.
+
+    Returns:
+        float32[B, out_channels, out_size, out_size].
+    """
+    if layer.out_size == 1:
+        return functional.linear(x.permute(0, 2, 3, 1).flatten(1), signs)[:, :, None, None]
+    kernel = signs.view(-1, layer.kernel, layer.kernel, layer.in_channels).permute(0, 3, 1, 2)
+    return functional.conv2d(x, kernel, stride=layer.stride)
+
+
+def exact_dot_products(layer: Layer, signs: Tensor, x: Tensor) -> Tensor:
+    """`dot_products`, rounded: a convolution algorithm other than the direct one (Winograd) may err."""
+    return dot_products(layer, signs, x).round()
+
+
+def activation(a: Tensor, b: Tensor, o: Tensor) -> Tensor:
+    """Sign(a o + b), product and sum each rounded to float64: what `fold` turns into thresholds.
+
+    Args:
+        a, b: float64[out].
+        o: integers [B, out, h, w].
+
+    Returns:
+        float32[B, out, h, w].
+    """
+    return sign(a[:, None, None] * o.double() + b[:, None, None]).float()
+
+
+def _variance(layer: Layer) -> Tensor:
+    """Before any data: what random signs give with inputs +-1, or pixels uniform in 0..255."""
+    mean_square = layer.max_input**2 / (3 if layer.max_input == MAX_PIXEL else 1)
+    return torch.full((layer.out_channels,), layer.fan_in * mean_square, dtype=torch.float64)
+
+
+def _convolution(layer: Layer) -> nn.Conv2d:
+    return nn.Conv2d(layer.in_channels, layer.out_channels, layer.kernel, layer.stride)

@@ -1,0 +1,200 @@
+"""Algorithm 1 over the bus: collect, learn, publish, checkpoint, for I iterations."""
+
+import logging
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Mapping
+
+import numpy as np
+import torch
+
+from bpn_learner.checkpoint import load_checkpoint, save_checkpoint
+from bpn_learner.fold import fold
+from bpn_learner.ledger import EpisodeLedger, load_episodes
+from bpn_learner.networks import BinaryNetwork
+from bpn_learner.reward import rewards
+from bpn_learner.transitions import EpisodeData, Transitions
+from bpn_learner.update import (
+    PolicyUpdate,
+    UpdateReport,
+    UpdateStopped,
+    make_optimizer,
+    policy_update,
+)
+from bpn_shared.bnn.blob import WeightBlob
+from bpn_shared.config import RunConfig
+from bpn_shared.messages.episode import Episode
+from bpn_shared.run_folder import RunFolder, write_atomically
+from bpn_shared.seeds import initial_weights_seed, shuffle_generator
+from bpn_shared.service import Waiting
+
+log = logging.getLogger(__name__)
+
+Report = Callable[[int, Mapping[str, float]], None]
+"""Publishes live values (name to value) of an iteration."""
+
+
+class Training:
+    """One attempt at a run, from where its checkpoint stands.
+
+    Args:
+        attempt: stamped on the weights, so that edges prefer them to an earlier learner's.
+        publish: sends weights to the edges.
+        report: publishes live progress.
+        stop: ends the training as soon as possible; nothing is lost by it.
+    """
+
+    def __init__(
+        self,
+        config: RunConfig,
+        folder: RunFolder,
+        ledger: EpisodeLedger,
+        *,
+        attempt: int,
+        publish: Callable[[WeightBlob], None],
+        report: Report,
+        waiting: Waiting,
+        stop: threading.Event,
+    ) -> None:
+        torch.set_num_threads(1)  # determinism, and other processes share the cores
+        self._config, self._folder, self._ledger = config, folder, ledger
+        self._attempt, self._publish, self._report = attempt, publish, report
+        self._waiting, self._stop = waiting, stop
+        self._network = BinaryNetwork(
+            config.network,
+            scale_initial=config.scale_initial,
+            generator=torch.Generator().manual_seed(initial_weights_seed(config.seed)),
+        )
+        self._optimizer = make_optimizer(self._network, config.learning_rate)
+        self._settings = PolicyUpdate(
+            alpha=config.alpha,
+            beta=config.beta,
+            gamma=config.gamma,
+            epochs=config.epochs,
+            batch=config.batch,
+            target="cvi" if config.algorithm == "bpn" else "dqn",
+            mask_terminals=config.mask_terminals,
+        )
+        self._data: deque[list[EpisodeData]] = deque(maxlen=config.datasets)  # D
+
+    def run(self) -> bool:
+        """Trains to the last iteration.
+
+        Returns:
+            False if `stop` ended it before.
+
+        Raises:
+            CheckpointError: the run folder's checkpoint is unusable.
+            DivergenceError: the loss is no longer finite.
+            RewardError: a frame shows no marker.
+        """
+        done = self._restore()
+        self._release(done)
+        for iteration in range(done, self._config.iterations):
+            start_s = time.monotonic()
+            episodes = self._collect(iteration)
+            if episodes is None:
+                return False
+            collect_s = time.monotonic() - start_s
+            self._data.append([self._learnable(episode) for episode in episodes])
+            try:
+                update = self._update(iteration)
+            except UpdateStopped:
+                return False
+            blob = self._release(iteration + 1)
+            seconds = {"collect_s": collect_s, "iteration_s": time.monotonic() - start_s}
+            record = self._record(iteration, episodes, update, blob) | seconds
+            self._folder.append_metrics(record)
+            # Last: a crash before this line repeats the iteration, to the same result.
+            save_checkpoint(
+                self._folder.checkpoint_path, self._network, self._optimizer, iteration + 1
+            )
+            self._report(iteration, {k: v for k, v in record.items() if isinstance(v, float)})
+        return True
+
+    def _restore(self) -> int:
+        if not self._folder.checkpoint_path.exists():
+            return 0
+        done = load_checkpoint(self._folder.checkpoint_path, self._network, self._optimizer)
+        self._network.eval()
+        for iteration in range(max(0, done - self._config.datasets), done):
+            stored = load_episodes(self._folder, self._config, iteration)
+            self._data.append([self._learnable(stored[episode]) for episode in sorted(stored)])
+        log.info("resumes after %d of %d iterations", done, self._config.iterations)
+        return done
+
+    def _release(self, version: int) -> WeightBlob:
+        """Folds the network, keeps the blob in the run folder and sends it out."""
+        blob = fold(self._network, run=self._folder.run, attempt=self._attempt, version=version)
+        write_atomically(self._folder.weights_path(version), blob.encode())
+        self._publish(blob)
+        return blob
+
+    def _collect(self, iteration: int) -> list[Episode] | None:
+        self._waiting.set(f"{self._config.episodes} episodes of iteration {iteration}")
+        self._ledger.begin(iteration, self._attempt)
+        episodes = self._ledger.wait_complete(
+            self._stop,
+            lambda count: self._report(iteration, {"progress.episodes": float(count)}),
+        )
+        self._waiting.done()
+        return episodes
+
+    def _learnable(self, episode: Episode) -> EpisodeData:
+        """The episode with its rewards, which come from the pixels alone (section V-A)."""
+        rewards_px = rewards(self._config.task, episode.frames)
+        return EpisodeData(
+            frames=episode.frames,
+            actions=episode.actions,
+            rewards=rewards_px * self._config.reward_scale,
+            failed=episode.meta.failed,
+        )
+
+    def _update(self, iteration: int) -> UpdateReport:
+        def progress(epochs: int, _total: int) -> None:
+            self._report(iteration, {"progress.epochs": float(epochs)})
+
+        return policy_update(
+            self._network,
+            self._optimizer,
+            Transitions.from_episodes(
+                [episode for dataset in self._data for episode in dataset],
+                frames_stacked=self._config.task_spec.frames_stacked,
+            ),
+            self._settings,
+            shuffle_generator(self._config.seed, iteration),
+            progress=progress,
+            stop=self._stop.is_set,
+        )
+
+    def _record(
+        self, iteration: int, episodes: list[Episode], update: UpdateReport, blob: WeightBlob
+    ) -> dict[str, float | int | str | list[float]]:
+        """The iteration's line in the run folder; docs/metrics.md explains every value."""
+        scale = self._config.reward_scale
+        returns_px = [float(episode.rewards.sum()) / scale for episode in self._data[-1]]
+        lengths = [episode.steps for episode in episodes]
+        return {
+            "iteration": iteration,
+            "attempt": self._attempt,
+            "time_unix_s": time.time(),
+            "episodes": len(episodes),
+            "transitions": sum(lengths),
+            "return_px": float(np.mean(returns_px)),
+            "returns_px": returns_px,
+            "length": float(np.mean(lengths)),
+            "failures": sum(episode.meta.failed for episode in episodes),
+            "deadline_misses": sum(episode.meta.deadline_misses for episode in episodes),
+            "loss_first": update.loss_first,
+            "loss": update.loss_last,
+            "max_preference": update.max_preference,
+            "max_target": update.max_target,
+            "scale": update.scale,
+            "saturation": update.saturation,
+            "epsilon": self._config.epsilon(iteration),
+            "updates": update.updates,
+            "update_s": update.seconds,
+            "weights_version": blob.version,
+            "weights_sha256": blob.content_sha256(),
+        }

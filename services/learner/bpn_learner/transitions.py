@@ -1,0 +1,107 @@
+"""D as tensors: every frame once, observations gathered from frame indices."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+import numpy.typing as npt
+import torch
+from bpn_shared.observation import frame_indices
+from torch import Tensor
+
+
+@dataclass(frozen=True, eq=False)
+class EpisodeData:
+    """One episode as the learner uses it.
+
+    Attributes:
+        frames: uint8[T+1, c, 84, 84].
+        actions: integers [T].
+        rewards: float[T], scaled.
+        failed: the last frame is a failure of the task, not a time limit.
+    """
+
+    frames: npt.NDArray[np.uint8]
+    actions: npt.NDArray[np.integer]
+    rewards: npt.NDArray[np.floating]
+    failed: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Transitions:
+    """The transitions (s, a, r, s') of D, in the order in which `policy_update` shuffles them.
+
+    Attributes:
+        frames: uint8[m, c, 84, 84].
+        observations: int64[n, frames_stacked], the frames of s, oldest first.
+        next_observations: int64[n, frames_stacked], the frames of s'.
+        actions: int64[n].
+        rewards: float32[n], scaled.
+        done: bool[n], s' is a failure; a time limit is not.
+
+    Raises:
+        ValueError: the lengths differ.
+    """
+
+    frames: Tensor
+    observations: Tensor
+    next_observations: Tensor
+    actions: Tensor
+    rewards: Tensor
+    done: Tensor
+
+    def __post_init__(self) -> None:
+        lengths = {
+            name: len(getattr(self, name))
+            for name in ("observations", "next_observations", "actions", "rewards", "done")
+        }
+        if len(set(lengths.values())) > 1:
+            raise ValueError(f"transitions have different lengths: {lengths}")
+
+    def __len__(self) -> int:
+        return len(self.actions)
+
+    @classmethod
+    def from_episodes(cls, episodes: Sequence[EpisodeData], *, frames_stacked: int) -> Self:
+        """D from episodes of at least 1 step, in their order.
+
+        Raises:
+            ValueError: there is no episode, or one's frames are not one more than its actions.
+        """
+        if not episodes:
+            raise ValueError("D needs at least 1 episode, got 0")
+        stacks: list[npt.NDArray[np.int64]] = []
+        first = 0
+        for episode in episodes:
+            frames = len(episode.frames)
+            if not len(episode.actions) == len(episode.rewards) == frames - 1 >= 1:
+                raise ValueError(
+                    f"an episode of {len(episode.actions)} actions and {len(episode.rewards)} rewards "
+                    f"has {frames} frames, each action needs one reward, and one frame after the first"
+                )
+            indices = [frame_indices(step, frames_stacked) for step in range(frames)]
+            stacks.append(first + np.array(indices, np.int64))
+            first += frames
+        done = [np.arange(1, len(e.frames)) == len(e.actions) * e.failed for e in episodes]
+        return cls(
+            frames=torch.from_numpy(np.concatenate([e.frames for e in episodes])),
+            observations=torch.from_numpy(np.concatenate([s[:-1] for s in stacks])),
+            next_observations=torch.from_numpy(np.concatenate([s[1:] for s in stacks])),
+            actions=torch.from_numpy(
+                np.concatenate([e.actions for e in episodes]).astype(np.int64)
+            ),
+            rewards=torch.from_numpy(
+                np.concatenate([e.rewards for e in episodes]).astype(np.float32)
+            ),
+            done=torch.from_numpy(np.concatenate(done)),
+        )
+
+    def gather(self, stacks: Tensor) -> Tensor:
+        """Observations of frame indices int64[n, frames_stacked].
+
+        Returns:
+            uint8[n, C, 84, 84], channels-last in memory; C = frames_stacked * c.
+        """
+        observations = self.frames[stacks].flatten(1, 2)
+        return observations.contiguous(memory_format=torch.channels_last)

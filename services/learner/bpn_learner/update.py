@@ -1,0 +1,193 @@
+"""Algorithm 1's PolicyUpdate: from theta and D to the next theta."""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from bpn_learner.calibrate import reestimate_batch_norm
+from bpn_learner.cvi import cvi_target, dqn_target
+from bpn_learner.networks import BinaryNetwork, PNetwork
+from bpn_learner.transitions import Transitions
+
+EVALUATION_BATCH = 256
+SCALE_RATE_FACTOR = 10.0
+
+
+class UpdateStopped(Exception):  # noqa: N818
+    """`stop` asked for an end; the network is half trained and must be given up."""
+
+
+class DivergenceError(ArithmeticError):
+    """The loss is no longer finite."""
+
+
+@dataclass(frozen=True, slots=True)
+class PolicyUpdate:
+    """Table I of the paper, and what it leaves open.
+
+    Attributes:
+        epochs: C.
+        batch: B, at least 2.
+        target: "cvi" (BPN, CVI) or "dqn" (BQN, DQN).
+        mask_terminals: no bootstrap from failures; Algorithm 1 as printed bootstraps from every s'.
+    """
+
+    alpha: float = 0.95
+    beta: float = 1.0
+    gamma: float = 0.99
+    epochs: int = 50
+    batch: int = 32
+    target: Literal["cvi", "dqn"] = "cvi"
+    mask_terminals: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class UpdateReport:
+    """What an update did.
+
+    Attributes:
+        loss_first, loss_last: mean loss of the first and of the last epoch.
+        max_preference: largest |P-(s, .)| over D.
+        max_target: largest |y|.
+        scale: lambda afterwards.
+        saturation: share of targets with |y| > lambda N, which the network cannot express.
+        updates: optimizer steps.
+        seconds: duration.
+    """
+
+    loss_first: float
+    loss_last: float
+    max_preference: float
+    max_target: float
+    scale: float
+    saturation: float
+    updates: int
+    seconds: float
+
+
+def make_optimizer(network: PNetwork, learning_rate: float) -> torch.optim.Adam:
+    """Adam, with log lambda at ten times the rate: one number has to follow the values' magnitude."""
+    groups: list[dict[str, object]] = [
+        {"params": [p for name, p in network.named_parameters() if name != "log_scale"]}
+    ]
+    if isinstance(network, BinaryNetwork):
+        groups.append({"params": [network.log_scale], "lr": learning_rate * SCALE_RATE_FACTOR})
+    return torch.optim.Adam(groups, lr=learning_rate, fused=True)
+
+
+def policy_update(
+    network: PNetwork,
+    optimizer: torch.optim.Optimizer,
+    transitions: Transitions,
+    settings: PolicyUpdate,
+    rng: np.random.Generator,
+    *,
+    progress: Callable[[int, int], None] | None = None,
+    stop: Callable[[], bool] | None = None,
+) -> UpdateReport:
+    """Trains the network on D and leaves it in evaluation mode, ready to fold.
+
+    A binarized network's batch norm is estimated anew over D at the end. With one thread, equal inputs
+    give equal bits.
+
+    Args:
+        rng: shuffles D, once per epoch.
+        progress: called with (epochs done, epochs) after each.
+        stop: asked before each epoch.
+
+    Raises:
+        UpdateStopped: `stop` returned True.
+        DivergenceError: the loss of an epoch is not finite.
+        ValueError: D holds fewer than 2 transitions.
+    """
+    started = time.perf_counter()
+    B, size = settings.batch, len(transitions)
+    minibatches = minibatches_per_epoch(size, B)
+    observations = transitions.gather(transitions.observations)
+    P_target = preferences(network, observations)  # theta- = theta, fixed for the whole update
+    P_next = preferences(network, transitions.gather(transitions.next_observations))
+    y = targets(transitions, P_target, P_next, settings)
+    pixels = observations.permute(0, 2, 3, 1)  # rows that index_select copies whole
+    losses: list[float] = []
+
+    network.train()
+    for epoch in range(settings.epochs):
+        if stop is not None and stop():
+            raise UpdateStopped(f"stopped after {epoch} of {settings.epochs} epochs")
+        order = torch.from_numpy(rng.permutation(size))
+        total = torch.zeros(())
+        for k in range(minibatches):
+            batch = order[B * k : B * (k + 1)]
+            P = network(pixels.index_select(0, batch).float().permute(0, 3, 1, 2))
+            P_taken = P.gather(1, transitions.actions[batch, None]).squeeze(1)
+            loss = (y[batch] - P_taken).square().mean() / 2  # Eq. 10
+            optimizer.zero_grad()
+            loss.backward()
+            optimizer.step()
+            network.clip_latent_weights()
+            total += loss.detach()
+        losses.append(_finite(float(total) / minibatches, network))
+        if progress is not None:
+            progress(epoch + 1, settings.epochs)
+    network.eval()
+
+    if isinstance(network, BinaryNetwork):
+        reestimate_batch_norm(network, observations, EVALUATION_BATCH)
+    return UpdateReport(
+        loss_first=losses[0],
+        loss_last=losses[-1],
+        max_preference=float(P_target.abs().max()),
+        max_target=float(y.abs().max()),
+        scale=float(network.scale().detach()),
+        saturation=float((y.abs() > network.max_preference()).float().mean()),
+        updates=settings.epochs * minibatches,
+        seconds=time.perf_counter() - started,
+    )
+
+
+def minibatches_per_epoch(size: int, batch: int) -> int:
+    """round(|D| / B), halves down, at least 1: no minibatch has a single transition.
+
+    Raises:
+        ValueError: size is below 2, too few for batch statistics.
+    """
+    if size < 2:
+        raise ValueError(f"D holds {size} transitions, a policy update needs at least 2")
+    return max(1, (2 * size + batch - 1) // (2 * batch))
+
+
+@torch.no_grad()
+def preferences(network: PNetwork, observations: Tensor) -> Tensor:
+    """P(s, .) of the evaluated network: uint8[n, C, 84, 84] to float32[n, |A|]."""
+    network.eval()
+    return torch.cat(
+        [network(part.float()) for part in torch.split(observations, EVALUATION_BATCH)]
+    )
+
+
+def targets(
+    transitions: Transitions, P_target: Tensor, P_next: Tensor, settings: PolicyUpdate
+) -> Tensor:
+    """Target y of every transition in D from P-(s, .) and P-(s', .), float32[n]."""
+    done = transitions.done if settings.mask_terminals else None
+    reward = transitions.rewards
+    if settings.target == "dqn":
+        return dqn_target(reward, P_next, gamma=settings.gamma, done=done)
+    return cvi_target(
+        reward, P_target, transitions.actions, P_next,
+        alpha=settings.alpha, beta=settings.beta, gamma=settings.gamma, done=done,
+    )  # fmt: skip
+
+
+def _finite(loss: float, network: PNetwork) -> float:
+    if not np.isfinite(loss):
+        raise DivergenceError(
+            f"loss = {loss} at lambda = {float(network.scale().detach()):g}: lower the learning rate or the "
+            "reward scale"
+        )
+    return loss

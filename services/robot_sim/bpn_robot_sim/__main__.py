@@ -1,0 +1,3 @@
+from bpn_robot_sim.service import main
+
+raise SystemExit(main())

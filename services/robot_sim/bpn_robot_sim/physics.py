@@ -1,0 +1,68 @@
+"""A MuJoCo model with its state, stepped in whole time steps."""
+
+from collections.abc import Callable
+from typing import Any
+
+from bpn_robot_sim.opengl import mujoco
+
+MAX_SETTLING_S = 5.0
+
+
+class Physics:
+    """One simulation.
+
+    Args:
+        mjcf: the model as MJCF text.
+
+    Attributes:
+        model, data: mujoco.MjModel and mujoco.MjData (untyped: MuJoCo has no type information).
+    """
+
+    def __init__(self, mjcf: str) -> None:
+        self.model: Any = mujoco.MjModel.from_xml_string(mjcf)
+        self.data: Any = mujoco.MjData(self.model)
+        self.timestep_s = float(self.model.opt.timestep)
+        self._owed_s = 0.0
+
+    def reset(self) -> None:
+        """The model's initial state, every part of it."""
+        mujoco.mj_resetData(self.model, self.data)
+        self._owed_s = 0.0
+
+    def update(self) -> None:
+        """Puts bodies and cameras where the joint positions say; a step leaves them one step behind."""
+        mujoco.mj_kinematics(self.model, self.data)
+        mujoco.mj_comPos(self.model, self.data)
+        mujoco.mj_camlight(self.model, self.data)
+
+    def advance(self, seconds: float) -> None:
+        """Steps for that long; what a whole number of steps leaves over is kept for the next call.
+
+        Raises:
+            ValueError: seconds is negative or not finite.
+        """
+        if not 0.0 <= seconds < float("inf"):
+            raise ValueError(f"seconds = {seconds} must be finite and not negative")
+        self._owed_s += seconds
+        steps = round(self._owed_s / self.timestep_s)
+        if steps > 0:
+            self._owed_s -= steps * self.timestep_s
+            mujoco.mj_step(self.model, self.data, nstep=steps)
+        self.update()
+
+    def advance_until(self, settled: Callable[[], bool], check_every_steps: int) -> None:
+        """Steps until `settled()`, asked first before any step.
+
+        Raises:
+            RuntimeError: it is not settled after 5 simulated seconds.
+        """
+        for _ in range(round(MAX_SETTLING_S / (self.timestep_s * check_every_steps))):
+            if settled():
+                break
+            mujoco.mj_step(self.model, self.data, nstep=check_every_steps)
+        else:
+            raise RuntimeError(
+                f"the robot did not settle within {MAX_SETTLING_S} simulated seconds: "
+                f"joint positions {self.data.qpos}, velocities {self.data.qvel}"
+            )
+        self.update()

@@ -1,0 +1,81 @@
+"""What a simulated robot is to the service and to the Gymnasium environment."""
+
+from typing import Protocol
+
+from bpn_shared.tasks import Task, task_named
+
+from bpn_robot_sim.rendering import Frame
+
+Info = dict[str, tuple[float, float]]
+
+
+class Robot(Protocol):
+    """A robot with its camera.
+
+    In lockstep one step is `command`, `settle`, `frame`; in realtime pacing it is `command` when an
+    action came in time, `advance(control period)`, `frame`. Equal seeds and calls give equal frames.
+    A frame is a new contiguous uint8[c, 84, 84] (`task.frame_shape`).
+    """
+
+    @property
+    def task(self) -> Task: ...
+
+    @property
+    def terminated(self) -> bool:
+        """Whether the episode has ended by the task's own rule; time limits are not among them."""
+
+    def reset(self, seed: int) -> Frame:
+        """Starts an episode at the start that belongs to the seed, and returns its first frame."""
+
+    def command(self, action: int) -> None:
+        """Gives the servos a new goal; nothing moves yet.
+
+        Raises:
+            ValueError: the task has no such action.
+        """
+
+    def settle(self) -> None:
+        """Lets time pass until the servos have reached their goal."""
+
+    def advance(self, seconds: float) -> None:
+        """Lets that much time pass, settled or not."""
+
+    def frame(self) -> Frame:
+        """What the camera sees now."""
+
+    def reward(self) -> float:
+        """The paper's reward of the present state in pixels, from the simulation's truth."""
+
+    def info(self) -> Info:
+        """The simulation's truth behind the reward, by name; names carry units."""
+
+    def close(self) -> None:
+        """Frees the camera's OpenGL context."""
+
+
+def check_action(task: Task, action: int) -> int:
+    """The action as an int.
+
+    Raises:
+        ValueError: it is outside 0..|A|-1.
+    """
+    if not 0 <= action < task.actions:
+        raise ValueError(
+            f"action = {action} is outside 0..{task.actions - 1}, the actions of {task.name!r}"
+        )
+    return int(action)
+
+
+def make_robot(task_name: str) -> Robot:
+    """A new robot for the task of that name.
+
+    Raises:
+        ValueError: the task is unknown, or has no simulated robot.
+        RenderingError: OpenGL cannot be started.
+    """
+    task = task_named(task_name)
+    if task.name == "reaching":
+        from bpn_robot_sim.reaching.robot import ReachingRobot  # noqa: PLC0415 - it imports this
+
+        return ReachingRobot()
+    raise ValueError(f"task {task.name!r} has no simulated robot")

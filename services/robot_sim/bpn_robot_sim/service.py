@@ -1,0 +1,194 @@
+"""`bpn-robot-sim`: one simulated robot with its camera. Actions in, frames out.
+
+Lockstep: the simulation waits for the action of each frame, repeating the frame while none comes. Realtime:
+it ticks at the control period whatever comes; without an action in time the robot holds.
+"""
+
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from bpn_robot_sim.robot import Robot, make_robot
+from bpn_shared import keys
+from bpn_shared.bus.latest import LatestPublisher, LatestSubscriber, Sample
+from bpn_shared.bus.requests import Responder
+from bpn_shared.config import RunConfig
+from bpn_shared.messages.action import Action
+from bpn_shared.messages.base import MessageError
+from bpn_shared.messages.control import Reset, ResetReply
+from bpn_shared.messages.frame import NO_ACTION, FrameHeader, FrameKind
+from bpn_shared.worker import EXIT_FINISHED, Worker, run_slot_worker
+
+_RESEND_S = 0.25
+
+
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """The action for a frame, and when it arrived (monotonic ns)."""
+
+    action: int
+    t_receive_ns: int
+
+
+class RobotService:
+    """Plays episodes as edges begin them. Everything but `_on_reset` runs on the main thread."""
+
+    def __init__(self, worker: Worker, config: RunConfig, robot: Robot) -> None:
+        self._worker, self._config, self._robot = worker, config, robot
+        self._task = config.task_spec
+        self._frames = LatestPublisher(worker.bus, keys.frame(worker.run, worker.slot), "frame")
+        self._actions = LatestSubscriber(worker.bus, keys.action(worker.run, worker.slot))
+        self._lock = threading.Lock()
+        self._current: Reset | None = None
+        self._pending: Reset | None = None
+        self._repeat = False
+        self._resets = Responder(
+            worker.bus, keys.reset(worker.run, worker.slot), self._on_reset, worker.counters
+        )
+
+    def run(self) -> None:
+        """Serves until the worker is stopped."""
+        while not self._worker.stop.is_set():
+            reset = self._take_reset()
+            if reset is None:
+                self._worker.waiting.set("an edge to begin an episode")
+                self._actions.take(_RESEND_S, self._interrupted)
+                continue
+            self._worker.waiting.done()
+            self._play(reset)
+
+    def _on_reset(self, body: bytes) -> bytes:
+        reset = Reset.decode(body)
+        with self._lock:
+            if self._current is not None and reset.reset_id == self._current.reset_id:
+                self._repeat = True  # asked again: the frame may have been lost, so send it again
+            else:
+                self._pending = reset
+        self._actions.wake()
+        return ResetReply(reset_id=reset.reset_id).encode()
+
+    def _take_reset(self) -> Reset | None:
+        with self._lock:
+            if self._pending is not None:
+                self._current, self._pending = self._pending, None
+                return self._current
+            return None
+
+    def _interrupted(self) -> bool:
+        return self._pending is not None or self._repeat or self._worker.stop.is_set()
+
+    def _ends_now(self) -> bool:
+        return self._pending is not None or self._worker.stop.is_set()
+
+    def _play(self, reset: Reset) -> None:
+        robot, hold = self._robot, self._task.hold_action
+        realtime = self._config.pacing == "realtime"
+        pixels = robot.reset(reset.seed)
+        kind, step, applied, loop_ns, misses = FrameKind.FIRST, 0, NO_ACTION, 0, 0
+        while True:
+            header = FrameHeader(
+                kind, reset.iteration, reset.episode, step, reset.reset_id, time.monotonic_ns(),
+                applied, loop_ns, misses, self._task.frame_channels,
+            )  # fmt: skip
+            if kind.ends_episode:
+                self._repeat_until_reset(header, pixels)
+                return
+            if realtime:
+                answer = self._tick(header, pixels)
+            else:
+                answer = self._await_action(header, pixels)
+            if self._ends_now():
+                return
+            applied = hold if answer is None else answer.action
+            misses += answer is None
+            loop_ns = 0 if answer is None else answer.t_receive_ns - header.t_capture_ns
+            pixels = robot.frame()
+            step += 1
+            kind = FrameKind.MID
+            if robot.terminated:
+                kind = FrameKind.FAILED
+            elif step == self._config.steps:
+                kind = FrameKind.LAST
+
+    def _await_action(self, header: FrameHeader, pixels: npt.NDArray[np.uint8]) -> Answer | None:
+        """Lockstep: sends the frame until its action comes, applies it and lets the robot settle."""
+        while not self._ends_now():
+            self._send(header, pixels)
+            answer = self._receive(header, time.monotonic() + _RESEND_S, self._interrupted)
+            if answer is not None:
+                self._worker.waiting.done()
+                self._robot.command(answer.action)
+                self._robot.settle()
+                return answer
+            if not self._interrupted():
+                self._worker.waiting.set("an action from the edge")
+            self._repeat = False
+        return None
+
+    def _tick(self, header: FrameHeader, pixels: npt.NDArray[np.uint8]) -> Answer | None:
+        """Realtime: the world goes on for one control period; an action acts from when it arrived."""
+        period_s = self._task.control_period_s
+        start_s = header.t_capture_ns / 1e9
+        self._send(header, pixels)
+        answer = self._receive(header, start_s + period_s, self._ends_now)
+        if answer is None:
+            self._robot.advance(period_s)
+        else:
+            before_s = min((answer.t_receive_ns - header.t_capture_ns) / 1e9, period_s)
+            self._robot.advance(before_s)
+            self._robot.command(answer.action)
+            self._robot.advance(period_s - before_s)
+        self._worker.stop.wait(max(0.0, start_s + period_s - time.monotonic()))
+        return answer
+
+    def _repeat_until_reset(self, header: FrameHeader, pixels: npt.NDArray[np.uint8]) -> None:
+        """The episode is over: its last frame is sent until an edge begins another."""
+        while not self._ends_now():
+            self._send(header, pixels)
+            self._repeat = False
+            self._actions.take(_RESEND_S, self._interrupted)
+
+    def _receive(
+        self, header: FrameHeader, deadline_s: float, interrupted: Callable[[], bool]
+    ) -> Answer | None:
+        """The action for this frame if it comes before the deadline and nothing interrupts."""
+        while not interrupted():
+            remaining_s = deadline_s - time.monotonic()
+            if remaining_s <= 0:
+                return None
+            sample = self._actions.take(remaining_s, interrupted)
+            if sample is None:
+                continue
+            answer = self._decode(sample, header)
+            if answer is not None:
+                return answer
+        return None
+
+    def _decode(self, sample: Sample, header: FrameHeader) -> Answer | None:
+        try:
+            action = Action.decode(sample.payload, self._task.actions)
+        except MessageError as error:
+            self._worker.counters.refuse("actions_refused", str(error))
+            return None
+        if (action.reset_id, action.step) != (header.reset_id, header.step):
+            self._worker.counters.add("actions_for_other_frames")
+            return None
+        return Answer(action.action, sample.t_receive_ns)
+
+    def _send(self, header: FrameHeader, pixels: npt.NDArray[np.uint8]) -> None:
+        self._frames.put(pixels.tobytes(), header.encode())
+
+
+def serve(worker: Worker, config: RunConfig) -> int:
+    """Runs the robot until the worker is stopped."""
+    RobotService(worker, config, make_robot(config.task)).run()
+    return EXIT_FINISHED
+
+
+def main(argv: list[str] | None = None) -> int:
+    """The robot service."""
+    return run_slot_worker("robot_sim", __doc__, serve, argv)

@@ -1,0 +1,1 @@
+"""The binarized network: its geometry, its reference arithmetic and its weight blob."""

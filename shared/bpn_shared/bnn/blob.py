@@ -1,0 +1,183 @@
+"""The weight blob: one policy as bytes, about 11 KB, the only form in which weights travel or rest.
+
+Little-endian. Header (40 bytes): magic, schema version, C, N, |A|, run, attempt, version, lambda; then for
+each layer its signs (bit 1 = +1, order out, kernel row, kernel column, in; each layer padded with zero
+bits to a whole byte); then the thresholds of layers 1-4 as int32; then the SHA-256 of all before it.
+"""
+
+import hashlib
+import struct
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Self
+from uuid import UUID
+
+import numpy as np
+import numpy.typing as npt
+
+from bpn_shared.bnn.spec import NetworkSpec
+
+Signs = npt.NDArray[np.int8]
+Thresholds = npt.NDArray[np.int32]
+
+MAGIC = b"BPNW"
+SCHEMA = 1
+_HEADER = struct.Struct("<4sHHHH16sIIf")
+_DIGEST_BYTES = hashlib.sha256().digest_size
+NO_RUN = UUID(int=0)
+
+
+class BlobError(ValueError):
+    """The bytes or the parts are not a weight blob; the message says what is wrong with them."""
+
+
+@dataclass(frozen=True, eq=False)
+class WeightBlob:
+    """A binarized policy with its provenance.
+
+    Attributes:
+        weights: per layer int8[out, fan_in] of -1 and +1 (see `Layer.weight_shape`).
+        thresholds: tau of layers 1-4, int32[out]; the activation is +1 iff o >= tau.
+        scale: lambda of P = lambda * o_5, a finite float32 above 0.
+        attempt: how many learners have owned the run.
+        version: policy updates done; 0 is the initial policy.
+
+    Raises:
+        BlobError: a part has another shape, dtype or value.
+    """
+
+    spec: NetworkSpec
+    weights: tuple[Signs, ...]
+    thresholds: tuple[Thresholds, ...]
+    scale: float
+    run: UUID = NO_RUN
+    attempt: int = 0
+    version: int = 0
+
+    def __post_init__(self) -> None:
+        layers = self.spec.layers
+        _check_arrays("weights", self.weights, [layer.weight_shape for layer in layers], np.int8)
+        _check_arrays(
+            "thresholds",
+            self.thresholds,
+            [(layer.out_channels,) for layer in layers[:-1]],
+            np.int32,
+        )
+        for layer, signs in zip(layers, self.weights, strict=True):
+            if not np.all(np.abs(signs) == 1):
+                raise BlobError(f"weights of {layer.name} hold values other than -1 and +1")
+        if not (np.isfinite(np.float32(self.scale)) and np.float32(self.scale) > 0):
+            raise BlobError(f"scale (lambda) = {self.scale} must be a finite float32 above 0")
+        for name, value in (("attempt", self.attempt), ("version", self.version)):
+            if not 0 <= value < 2**32:
+                raise BlobError(f"{name} = {value} is outside 0..{2**32 - 1}")
+
+    @classmethod
+    def random(cls, spec: NetworkSpec, rng: np.random.Generator) -> Self:
+        """A blob with random signs, and thresholds spread over where each layer's sums lie."""
+        weights = tuple(
+            rng.choice(np.array([-1, 1], np.int8), size=layer.weight_shape) for layer in spec.layers
+        )
+        thresholds = tuple(
+            np.rint(
+                rng.normal(0, np.sqrt(layer.fan_in) * layer.max_input, layer.out_channels)
+            ).astype(np.int32)
+            for layer in spec.layers[:-1]
+        )
+        return cls(spec, weights, thresholds, scale=float(np.float32(rng.uniform(0.05, 0.5))))
+
+    def content_sha256(self) -> str:
+        """SHA-256 (hex) of what the policy computes: geometry, signs, thresholds, lambda.
+
+        Run, attempt and version are left out: equal policies have equal digests whoever made them.
+        """
+        digest = hashlib.sha256(
+            struct.pack("<HHHf", self.spec.channels, self.spec.nodes, self.spec.actions, self.scale)
+        )
+        digest.update(self._body())
+        return digest.hexdigest()
+
+    def encode(self) -> bytes:
+        """The blob as bytes, `encoded_size(spec)` of them."""
+        header = _HEADER.pack(
+            MAGIC, SCHEMA, self.spec.channels, self.spec.nodes, self.spec.actions,
+            self.run.bytes, self.attempt, self.version, self.scale,
+        )  # fmt: skip
+        data = header + self._body()
+        return data + hashlib.sha256(data).digest()
+
+    @classmethod
+    def decode(cls, data: bytes) -> Self:
+        """Reads `encode`'s bytes.
+
+        Raises:
+            BlobError: truncated, oversized, altered, of another schema, or not a blob at all.
+        """
+        if len(data) < _HEADER.size:
+            raise BlobError(f"{len(data)} bytes are fewer than a blob's header ({_HEADER.size})")
+        magic, schema, channels, nodes, actions, run, attempt, version, scale = _HEADER.unpack_from(
+            data
+        )
+        if magic != MAGIC:
+            raise BlobError(f"starts with {magic!r}, a weight blob starts with {MAGIC!r}")
+        if schema != SCHEMA:
+            raise BlobError(
+                f"blob schema {schema}, this program reads {SCHEMA}: update the older one"
+            )
+        try:
+            spec = NetworkSpec(channels, nodes, actions)
+        except ValueError as error:
+            raise BlobError(f"impossible geometry: {error}") from error
+        expected = encoded_size(spec)
+        if len(data) != expected:
+            raise BlobError(f"{len(data)} bytes, a blob with {spec} has {expected}")
+        if hashlib.sha256(data[:-_DIGEST_BYTES]).digest() != data[-_DIGEST_BYTES:]:
+            raise BlobError("SHA-256 mismatch: the blob was altered on its way")
+        weights, thresholds = _split_body(spec, data[_HEADER.size : -_DIGEST_BYTES])
+        return cls(spec, weights, thresholds, scale, UUID(bytes=run), attempt, version)
+
+    def _body(self) -> bytes:
+        bits = (np.packbits(signs > 0, bitorder="little").tobytes() for signs in self.weights)
+        taus = (tau.astype("<i4").tobytes() for tau in self.thresholds)
+        return b"".join((*bits, *taus))
+
+
+def encoded_size(spec: NetworkSpec) -> int:
+    """Bytes of a blob with this geometry."""
+    signs = sum(_packed_bytes(layer.out_channels * layer.fan_in) for layer in spec.layers)
+    thresholds = sum(4 * layer.out_channels for layer in spec.layers[:-1])
+    return _HEADER.size + signs + thresholds + _DIGEST_BYTES
+
+
+def _packed_bytes(bits: int) -> int:
+    return (bits + 7) // 8
+
+
+def _split_body(spec: NetworkSpec, body: bytes) -> tuple[tuple[Signs, ...], tuple[Thresholds, ...]]:
+    raw = np.frombuffer(body, np.uint8)
+    weights: list[Signs] = []
+    thresholds: list[Thresholds] = []
+    offset = 0
+    for layer in spec.layers:
+        count = layer.out_channels * layer.fan_in
+        bits = np.unpackbits(raw[offset : offset + _packed_bytes(count)], bitorder="little")
+        if bits[count:].any():
+            raise BlobError(f"padding bits of {layer.name} are not zero")
+        weights.append((bits[:count].astype(np.int8) * 2 - 1).reshape(layer.weight_shape))
+        offset += _packed_bytes(count)
+    for layer in spec.layers[:-1]:
+        thresholds.append(np.frombuffer(body, "<i4", layer.out_channels, offset).astype(np.int32))
+        offset += 4 * layer.out_channels
+    return tuple(weights), tuple(thresholds)
+
+
+def _check_arrays(
+    name: str,
+    arrays: Sequence[npt.NDArray[np.generic]],
+    shapes: Sequence[tuple[int, ...]],
+    dtype: type[np.generic],
+) -> None:
+    found = [(str(array.dtype), array.shape) for array in arrays]
+    expected = [(np.dtype(dtype).name, shape) for shape in shapes]
+    if found != expected:
+        raise BlobError(f"{name} are {found}, the geometry needs {expected}")

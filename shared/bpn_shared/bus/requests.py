@@ -1,0 +1,85 @@
+"""Request and reply with deadlines.
+
+A reply is one status byte and a body, so that a refusal by the other side (`RefusedError`) and the absence of
+an answer (`NoReplyError`) can never be confused.
+"""
+
+import logging
+from collections.abc import Callable
+
+import zenoh
+
+from bpn_shared.bus.session import Bus
+from bpn_shared.messages.base import MessageError
+from bpn_shared.service import Counters
+
+log = logging.getLogger(__name__)
+
+_ANSWER, _REFUSAL = b"\x00", b"\x01"
+
+
+class NoReplyError(RuntimeError):
+    """Nobody answered within the deadline."""
+
+
+class RefusedError(RuntimeError):
+    """The other side answered that it does not accept the request; the message is its reason."""
+
+
+def request(bus: Bus, key: str, body: bytes, *, timeout_s: float) -> bytes:
+    """Asks whoever answers at `key`.
+
+    Raises:
+        NoReplyError: nobody answered within `timeout_s`.
+        RefusedError: the request was refused.
+    """
+    replies = bus.zenoh.get(
+        key,
+        payload=body,
+        timeout=timeout_s,
+        target=zenoh.QueryTarget.BEST_MATCHING,
+        consolidation=zenoh.ConsolidationMode.NONE,
+        congestion_control=zenoh.CongestionControl.BLOCK,
+        express=True,
+    )
+    for reply in replies:
+        if reply.ok is None:
+            continue
+        answer = reply.ok.payload.to_bytes()
+        if answer[:1] == _REFUSAL:
+            raise RefusedError(answer[1:].decode(errors="replace"))
+        return answer[1:]
+    raise NoReplyError(f"no reply at {key} within {timeout_s} s")
+
+
+class Responder:
+    """Answers requests at one key, one at a time, on a thread of its own.
+
+    Args:
+        handler: from request bytes to reply bytes; `MessageError` or `RefusedError` from it become a refusal
+            with its message.
+        counters: `requests_refused` is counted here.
+    """
+
+    def __init__(
+        self, bus: Bus, key: str, handler: Callable[[bytes], bytes], counters: Counters
+    ) -> None:
+        self._key = key
+        self._handler = handler
+        self._counters = counters
+        self._queryable = bus.zenoh.declare_queryable(key, self._answer, complete=True)
+
+    def _answer(self, query: zenoh.Query) -> None:
+        with query:  # dropped at once: the asker waits for that
+            body = query.payload.to_bytes() if query.payload is not None else b""
+            query.reply(self._key, self._reply_to(body))
+
+    def _reply_to(self, body: bytes) -> bytes:
+        try:
+            return _ANSWER + self._handler(body)
+        except (MessageError, RefusedError) as error:
+            self._counters.refuse("requests_refused", f"{self._key}: {error}")
+            return _REFUSAL + str(error).encode()
+        except Exception:
+            log.exception("answering a request at %s failed", self._key)
+            return _REFUSAL + b"internal error, see the log of the answering service"

@@ -1,0 +1,115 @@
+"""A service's session with the router."""
+
+import json
+import logging
+import sys
+import threading
+import time
+from types import TracebackType
+from typing import Self
+
+import zenoh
+
+log = logging.getLogger(__name__)
+
+DEFAULT_ENDPOINT = "tcp/127.0.0.1:7447"
+OPEN_DEADLINE_S = 60.0
+_RETRY_S = 0.1
+
+
+class BusError(RuntimeError):
+    """The router cannot be reached; the message says where and for how long it was tried."""
+
+
+def _client_config(endpoint: str) -> zenoh.Config:
+    return zenoh.Config.from_json5(
+        json.dumps(
+            {
+                "mode": "client",
+                "connect": {
+                    "endpoints": [endpoint],
+                    "timeout_ms": 0,
+                    # after a lost link: soon again, so that a restarted router costs little
+                    "retry": {
+                        "period_init_ms": 50,
+                        "period_max_ms": 500,
+                        "period_increase_factor": 1.5,
+                    },
+                },
+                "scouting": {"multicast": {"enabled": False}},
+                "transport": {
+                    "shared_memory": {"enabled": False},
+                    "link": {"tx": {"lease": 3000}},
+                },
+            }
+        )
+    )
+
+
+class Bus:
+    """One session as a client of the router. Use as a context manager: an unclosed one keeps the process.
+
+    Args:
+        endpoint: the router's Zenoh endpoint, such as "tcp/127.0.0.1:7447".
+        deadline_s: how long to wait for the router.
+        stop: when set, waiting ends.
+
+    Raises:
+        BusError: no router at the endpoint within the deadline, or `stop` was set.
+    """
+
+    def __init__(
+        self,
+        endpoint: str = DEFAULT_ENDPOINT,
+        *,
+        deadline_s: float = OPEN_DEADLINE_S,
+        stop: threading.Event | None = None,
+    ) -> None:
+        # A thread that computes holds the GIL for 5 ms by default, and every message waits that long.
+        sys.setswitchinterval(0.0005)
+        zenoh.init_log_from_env_or("off")  # peers come and go here; what matters is logged by us
+        self.endpoint = endpoint
+        self.zenoh = _open(endpoint, deadline_s, stop or threading.Event())
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Ends the session; its declarations and tokens go with it."""
+        try:
+            self.zenoh.close()  # type: ignore[no-untyped-call]
+        except zenoh.ZError as error:  # seen under packet loss; the session is gone all the same
+            log.warning("closing the session: %s", error)
+
+    @property
+    def connected(self) -> bool:
+        """Whether the router is reached now."""
+        return bool(self.zenoh.info.routers_zid())
+
+
+def _open(endpoint: str, deadline_s: float, stop: threading.Event) -> zenoh.Session:
+    config = _client_config(endpoint)
+    start = time.monotonic()
+    said = False
+    while True:
+        try:
+            return zenoh.open(config)
+        except zenoh.ZError as error:
+            if time.monotonic() - start > deadline_s:
+                raise BusError(
+                    f"no Zenoh router at {endpoint} after {deadline_s:.0f} s ({error}): "
+                    "start one with `bpn-router` or name it with --connect"
+                ) from error
+        if not said:
+            log.info("waiting for the Zenoh router at %s", endpoint)
+            said = True
+        if stop.wait(_RETRY_S):
+            raise BusError(f"stopped while waiting for the Zenoh router at {endpoint}")

@@ -1,0 +1,133 @@
+"""Weights: published to those who listen, kept for those who come later; the highest (attempt, version) wins."""
+
+import logging
+import struct
+import threading
+from collections.abc import Callable
+from uuid import UUID
+
+import zenoh
+
+from bpn_shared import keys
+from bpn_shared.bnn.blob import BlobError, WeightBlob, encoded_size
+from bpn_shared.bnn.spec import NetworkSpec
+from bpn_shared.bus.session import Bus
+from bpn_shared.service import Counters
+
+log = logging.getLogger(__name__)
+
+_HEADER = struct.Struct("<BII")
+_SCHEMA = 1
+_GET_TIMEOUT_S = 2.0
+
+
+def _encode_header(blob: WeightBlob) -> bytes:
+    return _HEADER.pack(_SCHEMA, blob.attempt, blob.version)
+
+
+class WeightsPublisher:
+    """Publishes a run's weights and answers with the newest."""
+
+    def __init__(self, bus: Bus, run: UUID) -> None:
+        self._key = keys.weights(run)
+        self._newest: tuple[bytes, bytes] | None = None
+        self._publisher = bus.zenoh.declare_publisher(
+            self._key,
+            congestion_control=zenoh.CongestionControl.BLOCK,
+            priority=zenoh.Priority.DATA_LOW,
+        )
+        self._queryable = bus.zenoh.declare_queryable(self._key, self._answer, complete=True)
+
+    def publish(self, blob: WeightBlob) -> None:
+        header, data = _encode_header(blob), blob.encode()
+        self._newest = header, data
+        self._publisher.put(data, attachment=header)
+
+    def _answer(self, query: zenoh.Query) -> None:
+        with query:
+            if self._newest is not None:
+                header, data = self._newest
+                query.reply(self._key, data, attachment=header)
+
+
+class WeightsSubscriber:
+    """Hands on every blob that is newer than all before it.
+
+    Subscribes first and asks for the newest afterwards, so nothing falls between; asks again whenever a
+    learner appears and whenever `refresh` is called.
+
+    Args:
+        spec: geometry that the blobs must have.
+        on_newer: called with each accepted blob, on a network thread: it must be quick.
+        counters: `weights_refused` is counted here.
+    """
+
+    def __init__(
+        self,
+        bus: Bus,
+        run: UUID,
+        spec: NetworkSpec,
+        on_newer: Callable[[WeightBlob], None],
+        counters: Counters,
+    ) -> None:
+        self._bus, self._run, self._spec = bus, run, spec
+        self._on_newer = on_newer
+        self._counters = counters
+        self._lock = threading.Lock()
+        self._highest = (-1, -1)
+        self._subscriber = bus.zenoh.declare_subscriber(keys.weights(run), self._receive)
+        self._learners = bus.zenoh.liveliness().declare_subscriber(
+            keys.live("learner", "*"), self._learner_changed, history=True
+        )
+        self.refresh()
+
+    def refresh(self) -> None:
+        """Asks for the newest weights; returns when the answer was handed on or nobody answers."""
+        for reply in self._bus.zenoh.get(
+            keys.weights(self._run),
+            target=zenoh.QueryTarget.ALL,
+            consolidation=zenoh.ConsolidationMode.NONE,
+            timeout=_GET_TIMEOUT_S,
+        ):
+            if reply.ok is not None:
+                self._receive(reply.ok)
+
+    def _learner_changed(self, token: zenoh.Sample) -> None:
+        if token.kind == zenoh.SampleKind.PUT:
+            self.refresh()
+
+    def _receive(self, sample: zenoh.Sample) -> None:
+        header = sample.attachment.to_bytes() if sample.attachment is not None else b""
+        try:
+            with self._lock:
+                rank = _decode_rank(header)
+                if rank <= self._highest:
+                    return
+                blob = self._decode(sample.payload.to_bytes(), rank)
+                self._highest = rank
+                self._on_newer(blob)
+        except BlobError as error:
+            self._counters.refuse("weights_refused", f"weights refused: {error}")
+
+    def _decode(self, data: bytes, rank: tuple[int, int]) -> WeightBlob:
+        if len(data) != encoded_size(self._spec):
+            raise BlobError(
+                f"{len(data)} bytes, a blob with {self._spec} has {encoded_size(self._spec)}"
+            )
+        blob = WeightBlob.decode(data)
+        if blob.spec != self._spec:
+            raise BlobError(f"geometry {blob.spec}, this edge runs {self._spec}")
+        if blob.run != self._run:
+            raise BlobError(f"belongs to run {blob.run}, this edge serves {self._run}")
+        if (blob.attempt, blob.version) != rank:
+            raise BlobError(f"header says (attempt, version) {rank}, the blob says otherwise")
+        return blob
+
+
+def _decode_rank(header: bytes) -> tuple[int, int]:
+    if len(header) != _HEADER.size:
+        raise BlobError(f"header of {len(header)} bytes, expected {_HEADER.size}")
+    schema, attempt, version = _HEADER.unpack(header)
+    if schema != _SCHEMA:
+        raise BlobError(f"header schema {schema}, this program reads {_SCHEMA}")
+    return attempt, version

@@ -1,0 +1,69 @@
+"""The form of the messages that are msgpack maps, and the one error of all decoders."""
+
+from typing import Any, ClassVar, Self
+
+import msgpack
+from pydantic import BaseModel, ConfigDict, ValidationError
+
+MAX_CONTROL_BYTES = 64 * 1024
+ULONG = 2**64
+
+
+class MessageError(ValueError):
+    """Bytes from the wire are not the message they should be; the message says in what way."""
+
+
+def check_size(kind: str, data: bytes, limit: int) -> None:
+    """Refuses oversized input before anything parses it.
+
+    Raises:
+        MessageError: more than `limit` bytes.
+    """
+    if len(data) > limit:
+        raise MessageError(f"{kind}: {len(data)} bytes, the limit is {limit}")
+
+
+def unpack_map(kind: str, data: bytes, schema: int) -> dict[str, Any]:
+    """A msgpack map with the expected schema version, without its `schema` entry.
+
+    Raises:
+        MessageError: not msgpack, not a map, or another schema version.
+    """
+    try:
+        fields = msgpack.unpackb(data, raw=False, strict_map_key=True)
+    except (ValueError, msgpack.UnpackException) as error:
+        raise MessageError(f"{kind}: not msgpack: {error or type(error).__name__}") from error
+    if not isinstance(fields, dict):
+        raise MessageError(f"{kind}: a {type(fields).__name__} where a map is expected")
+    found = fields.pop("schema", None)
+    if found != schema:
+        raise MessageError(f"{kind}: schema {found!r}, this program reads {schema}")
+    return fields
+
+
+class Message(BaseModel):
+    """A small message: a msgpack map of validated fields."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
+    SCHEMA: ClassVar[int] = 1
+
+    def encode(self) -> bytes:
+        """The message as bytes."""
+        packed: bytes = msgpack.packb({"schema": self.SCHEMA, **self.model_dump()})
+        return packed
+
+    @classmethod
+    def decode(cls, data: bytes) -> Self:
+        """Reads `encode`'s bytes.
+
+        Raises:
+            MessageError: oversized, not this message, or a field is outside its range.
+        """
+        check_size(cls.__name__, data, MAX_CONTROL_BYTES)
+        fields = unpack_map(cls.__name__, data, cls.SCHEMA)
+        try:
+            return cls.model_validate(fields)
+        except ValidationError as error:
+            first = error.errors()[0]
+            name = ".".join(map(str, first["loc"])) or "content"
+            raise MessageError(f"{cls.__name__}: {name}: {first['msg']}") from error

@@ -1,0 +1,61 @@
+"""Requests between services: reset of a robot, hand-out of episodes, acknowledgements."""
+
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from bpn_shared.messages.base import ULONG, Message
+
+Count = Annotated[int, Field(ge=0, lt=2**32)]
+Seed = Annotated[int, Field(ge=0, lt=ULONG)]
+WorkerId = Annotated[str, Field(min_length=1, max_length=64, pattern=r"^[a-z0-9-]+$")]
+Reason = Annotated[str, Field(max_length=500)]
+
+
+class Reset(Message):
+    """edge -> robot: begin this episode. Repeating one with the same `reset_id` changes nothing."""
+
+    iteration: Count
+    episode: Count
+    seed: Seed
+    reset_id: Seed
+
+
+class ResetReply(Message):
+    """robot -> edge: taken; frames follow."""
+
+    reset_id: Seed
+
+
+class NextEpisode(Message):
+    """edge -> learner: what shall slot play next?"""
+
+    slot: Count
+    worker: WorkerId
+
+
+class Assignment(Message):
+    """learner -> edge: play this episode (`play`), ask again later (`wait`), or stop (`finished`).
+
+    `weights_version` is what every episode of the iteration must use: theta-minus is fixed while data
+    is collected (Algorithm 1).
+    """
+
+    verdict: Literal["play", "wait", "finished"]
+    reason: Reason = ""
+    iteration: Count = 0
+    episode: Count = 0
+    seed: Seed = 0
+    weights_attempt: Count = 0
+    weights_version: Count = 0
+    epsilon: Annotated[float, Field(ge=0, le=1)] = 0.0
+
+
+class EpisodeReceipt(Message):
+    """learner -> edge: the episode is on disk (`stored`), was there already (`duplicate`), or is not wanted.
+
+    Whatever the verdict, the edge must not send it again.
+    """
+
+    verdict: Literal["stored", "duplicate", "refused"]
+    reason: Reason = ""

@@ -1,0 +1,146 @@
+"""edge -> learner: one finished episode; the same bytes rest in the run folder.
+
+A msgpack map. Pixels are compressed (zlib): simulated images shrink about twentyfold, and the bytes are
+stored as they came.
+"""
+
+import zlib
+from dataclasses import dataclass
+from typing import Annotated, Any, Self
+
+import msgpack
+import numpy as np
+import numpy.typing as npt
+from pydantic import ConfigDict, Field, TypeAdapter, ValidationError
+
+from bpn_shared.config import MAX_STEPS
+from bpn_shared.messages.base import Message, MessageError, check_size, unpack_map
+from bpn_shared.messages.control import Count, Seed, WorkerId
+from bpn_shared.tasks import Task
+
+SCHEMA = 1
+MAX_BYTES = 48 * 1024 * 1024
+
+
+class EpisodeMeta(Message):
+    """Which episode it is and where it comes from."""
+
+    iteration: Count
+    episode: Count
+    seed: Seed
+    slot: Count
+    worker: WorkerId
+    weights_attempt: Count
+    weights_version: Count
+    failed: bool
+    """The task ended it (a terminal state), not the time limit."""
+    deadline_misses: Count
+    duration_ns: Annotated[int, Field(ge=0, lt=2**63)]
+    """From the first frame's arrival to the last frame's."""
+
+
+@dataclass(frozen=True, eq=False)
+class Episode:
+    """One episode of T steps.
+
+    Attributes:
+        frames: uint8[T+1, c, 84, 84], each stored once.
+        actions: uint8[T], as the robot applied them.
+        outputs: int32[T, |A|], the network's o for every step's observation.
+        inference_ns: uint32[T], time in the kernel.
+        camera_to_action_ns: uint32[T], on the robot's clock; 0 where no action came in time.
+    """
+
+    meta: EpisodeMeta
+    frames: npt.NDArray[np.uint8]
+    actions: npt.NDArray[np.uint8]
+    outputs: npt.NDArray[np.int32]
+    inference_ns: npt.NDArray[np.uint32]
+    camera_to_action_ns: npt.NDArray[np.uint32]
+
+    @property
+    def steps(self) -> int:
+        """T."""
+        return len(self.actions)
+
+    def encode(self) -> bytes:
+        """The episode as bytes."""
+        packed: bytes = msgpack.packb(
+            {
+                "schema": SCHEMA,
+                "meta": self.meta.model_dump(),
+                "steps": self.steps,
+                "frames": zlib.compress(self.frames.tobytes(), level=1),
+                "actions": self.actions.tobytes(),
+                "outputs": self.outputs.astype("<i4").tobytes(),
+                "inference_ns": self.inference_ns.astype("<u4").tobytes(),
+                "camera_to_action_ns": self.camera_to_action_ns.astype("<u4").tobytes(),
+            }
+        )
+        return packed
+
+    @classmethod
+    def decode(cls, data: bytes, task: Task) -> Self:
+        """Reads `encode`'s bytes for a task's shapes.
+
+        Raises:
+            MessageError: oversized, malformed, or arrays that do not fit the task or each other.
+        """
+        check_size("episode", data, MAX_BYTES)
+        try:
+            parts = _PARTS.validate_python(unpack_map("episode", data, SCHEMA))
+        except ValidationError as error:
+            first = error.errors()[0]
+            raise MessageError(
+                f"episode: {'.'.join(map(str, first['loc']))}: {first['msg']}"
+            ) from error
+        steps = parts.steps
+        actions = _array("actions", parts.actions, np.uint8, (steps,))
+        if actions.max() >= task.actions:
+            raise MessageError(f"episode: action {actions.max()} is outside 0..{task.actions - 1}")
+        return cls(
+            meta=parts.meta,
+            frames=_inflate(parts.frames, (steps + 1, *task.frame_shape)),
+            actions=actions,
+            outputs=_array("outputs", parts.outputs, np.int32, (steps, task.actions)),
+            inference_ns=_array("inference_ns", parts.inference_ns, np.uint32, (steps,)),
+            camera_to_action_ns=_array(
+                "camera_to_action_ns", parts.camera_to_action_ns, np.uint32, (steps,)
+            ),
+        )
+
+
+class _Parts(Message):
+    model_config = ConfigDict(frozen=True, extra="forbid", strict=True)
+
+    meta: EpisodeMeta
+    steps: Annotated[int, Field(ge=1, le=MAX_STEPS)]
+    frames: bytes
+    actions: bytes
+    outputs: bytes
+    inference_ns: bytes
+    camera_to_action_ns: bytes
+
+
+_PARTS = TypeAdapter(_Parts)
+
+
+def _array(
+    name: str, data: bytes, dtype: type[np.generic], shape: tuple[int, ...]
+) -> npt.NDArray[Any]:
+    expected = int(np.prod(shape)) * np.dtype(dtype).itemsize
+    if len(data) != expected:
+        raise MessageError(f"episode: {name}: {len(data)} bytes, {list(shape)} has {expected}")
+    return np.frombuffer(data, np.dtype(dtype).newbyteorder("<")).reshape(shape)
+
+
+def _inflate(data: bytes, shape: tuple[int, ...]) -> npt.NDArray[np.uint8]:
+    expected = int(np.prod(shape))
+    inflater = zlib.decompressobj()
+    try:
+        raw = inflater.decompress(data, expected + 1)  # bounded: a bomb cannot grow past this
+    except zlib.error as error:
+        raise MessageError(f"episode: frames: {error}") from error
+    if not inflater.eof or inflater.unused_data:
+        raise MessageError(f"episode: frames: not the {expected} bytes of {list(shape)}")
+    return _array("frames", raw, np.uint8, shape)

@@ -1,0 +1,108 @@
+"""robot -> edge: one camera frame. The header rides in the attachment, the payload is the raw pixels."""
+
+import struct
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+import numpy.typing as npt
+
+from bpn_shared.messages.base import MessageError
+
+SCHEMA = 1
+_HEADER = struct.Struct("<BBBBIIIQQII")
+NO_ACTION = 255
+
+
+class FrameKind(IntEnum):
+    FIRST = 0
+    MID = 1
+    LAST = 2
+    """The episode's time is over (T steps)."""
+    FAILED = 3
+    """Last frame too: the task ended the episode (a terminal state)."""
+
+    @property
+    def ends_episode(self) -> bool:
+        return self in (FrameKind.LAST, FrameKind.FAILED)
+
+
+@dataclass(frozen=True, slots=True)
+class FrameHeader:
+    """What identifies a frame, and what the robot did since the one before.
+
+    Attributes:
+        reset_id: names the reset that began this episode; frames of another one are not ours.
+        step: t of this frame, 0..T.
+        applied_action: the action that led here; `NO_ACTION` in the first frame.
+        t_capture_ns: the robot's monotonic clock when the frame was taken.
+        camera_to_action_ns: from the capture of the frame before to the arrival of its action
+            (0: none arrived in time), on the robot's clock.
+        deadline_misses: control periods so far in this episode that no action came for.
+    """
+
+    kind: FrameKind
+    iteration: int
+    episode: int
+    step: int
+    reset_id: int
+    t_capture_ns: int
+    applied_action: int = NO_ACTION
+    camera_to_action_ns: int = 0
+    deadline_misses: int = 0
+    channels: int = 1
+
+    def encode(self) -> bytes:
+        """The header as bytes."""
+        return _HEADER.pack(
+            SCHEMA, self.kind, self.channels, self.applied_action, self.iteration, self.episode, self.step,
+            self.reset_id, self.t_capture_ns, self.camera_to_action_ns, self.deadline_misses,
+        )  # fmt: skip
+
+    @classmethod
+    def decode(cls, data: bytes) -> "FrameHeader":
+        """Reads `encode`'s bytes.
+
+        Raises:
+            MessageError: another size, schema or kind.
+        """
+        if len(data) != _HEADER.size:
+            raise MessageError(f"frame header: {len(data)} bytes, expected {_HEADER.size}")
+        (
+            schema,
+            kind,
+            channels,
+            applied,
+            iteration,
+            episode,
+            step,
+            reset_id,
+            t_ns,
+            loop_ns,
+            misses,
+        ) = _HEADER.unpack(data)
+        if schema != SCHEMA:
+            raise MessageError(f"frame header: schema {schema}, this program reads {SCHEMA}")
+        if kind > FrameKind.FAILED:
+            raise MessageError(f"frame header: kind {kind} is none of 0..{FrameKind.FAILED}")
+        return cls(
+            FrameKind(kind), iteration, episode, step, reset_id, t_ns, applied, loop_ns, misses, channels
+        )  # fmt: skip
+
+
+def decode_frame(
+    attachment: bytes, payload: bytes, shape: tuple[int, int, int]
+) -> tuple[FrameHeader, npt.NDArray[np.uint8]]:
+    """A frame of the task's shape [c, 84, 84].
+
+    Raises:
+        MessageError: the header is malformed or the pixels are not of that shape.
+    """
+    header = FrameHeader.decode(attachment)
+    expected = int(np.prod(shape))
+    if header.channels != shape[0] or len(payload) != expected:
+        raise MessageError(
+            f"frame: {len(payload)} bytes with {header.channels} channels, the task's frames "
+            f"{list(shape)} have {expected} bytes"
+        )
+    return header, np.frombuffer(payload, np.uint8).reshape(shape)

@@ -1,0 +1,181 @@
+"""The run folder: the truth about a run. One process writes it (its learner); anyone may read.
+
+    config.json         the configuration, never changed
+    state.json          state, attempt, when, and why it failed
+    metrics.jsonl       one line per iteration; after a crash an iteration may stand twice, the later counts
+    episodes/           every episode as it was delivered, <iteration>-<episode>.bpne
+    weights/            every weights version, <version>.bpnw
+    checkpoint.safetensors
+    logs/               what each service said
+
+Files that are replaced are replaced atomically; what was acknowledged to others is on disk first.
+"""
+
+import json
+import os
+import time
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Any, Literal, Self
+from uuid import UUID
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from bpn_shared.bnn.blob import WeightBlob
+from bpn_shared.config import ConfigError, RunConfig
+
+State = Literal["queued", "running", "stopping", "finished", "failed", "stopped", "lost"]
+
+
+class RunState(BaseModel):
+    """What a run is doing, and how many learners have owned it (`attempt`)."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    state: State = "queued"
+    attempt: Annotated[int, Field(ge=0)] = 0
+    created_unix_s: float = 0.0
+    updated_unix_s: float = 0.0
+    error: str = ""
+
+
+class RunFolder:
+    """Paths and records of one run."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+
+    @classmethod
+    def create(cls, runs_dir: Path, run: UUID, config: RunConfig) -> Self:
+        """Makes the folder of a new run.
+
+        Raises:
+            FileExistsError: the run exists.
+        """
+        folder = cls(runs_dir / str(run))
+        folder.path.mkdir(parents=True)
+        for part in ("episodes", "weights", "logs"):
+            (folder.path / part).mkdir()
+        write_atomically(folder.path / "config.json", config.model_dump_json(indent=2).encode())
+        folder.set_state("queued")
+        return folder
+
+    @classmethod
+    def open(cls, runs_dir: Path, run: str) -> Self:
+        """Opens the folder of a run by its id or the unique beginning or end of it.
+
+        Raises:
+            ConfigError: no such run, or several.
+        """
+        names = [path.parent.name for path in sorted(runs_dir.glob("*/config.json"))]
+        matches = [name for name in names if name.startswith(run) or name.endswith(run)]
+        if len(matches) != 1:
+            found = "no run" if not matches else f"{len(matches)} runs"
+            raise ConfigError(
+                f"{found} in {runs_dir} match {run!r}; there are: {names[-5:] or 'none'}"
+            )
+        return cls(runs_dir / matches[0])
+
+    @property
+    def run(self) -> UUID:
+        return UUID(self.path.name)
+
+    @property
+    def checkpoint_path(self) -> Path:
+        return self.path / "checkpoint.safetensors"
+
+    @property
+    def logs(self) -> Path:
+        return self.path / "logs"
+
+    def config(self) -> RunConfig:
+        """The run's configuration.
+
+        Raises:
+            ConfigError: the file is missing or wrong.
+        """
+        path = self.path / "config.json"
+        try:
+            return RunConfig.from_json(path.read_bytes(), source=str(path))
+        except OSError as error:
+            raise ConfigError(f"{path}: {error.strerror}") from error
+
+    def state(self) -> RunState:
+        """The run's state.
+
+        Raises:
+            ConfigError: the file is missing or wrong.
+        """
+        path = self.path / "state.json"
+        try:
+            return RunState.model_validate_json(path.read_bytes())
+        except (OSError, ValidationError) as error:
+            raise ConfigError(f"{path}: {error}") from error
+
+    def set_state(self, state: State, *, error: str = "", new_attempt: bool = False) -> RunState:
+        now = time.time()
+        old = self.state() if (self.path / "state.json").exists() else RunState(created_unix_s=now)
+        new = RunState(
+            state=state,
+            attempt=old.attempt + new_attempt,
+            created_unix_s=old.created_unix_s,
+            updated_unix_s=now,
+            error=error,
+        )
+        write_atomically(self.path / "state.json", new.model_dump_json(indent=2).encode())
+        return new
+
+    def episode_path(self, iteration: int, episode: int) -> Path:
+        return self.path / "episodes" / f"{iteration:06d}-{episode:05d}.bpne"
+
+    def weights_path(self, version: int) -> Path:
+        return self.path / "weights" / f"{version:06d}.bpnw"
+
+    def newest_weights(self) -> WeightBlob:
+        """The highest version in the folder.
+
+        Raises:
+            ConfigError: there is none yet.
+            BlobError: the file is damaged.
+        """
+        paths = sorted((self.path / "weights").glob("*.bpnw"))
+        if not paths:
+            raise ConfigError(f"{self.path} holds no weights yet")
+        return WeightBlob.decode(paths[-1].read_bytes())
+
+    def append_metrics(self, record: Mapping[str, Any]) -> None:
+        """Adds one iteration's record; it is on disk when this returns."""
+        line = json.dumps(record, allow_nan=False) + "\n"
+        with (self.path / "metrics.jsonl").open("a") as file:
+            if file.tell() and not self._ends_with_newline():  # a crash cut the last line
+                file.write("\n")
+            file.write(line)
+            file.flush()
+            os.fsync(file.fileno())
+
+    def _ends_with_newline(self) -> bool:
+        with (self.path / "metrics.jsonl").open("rb") as file:
+            file.seek(-1, os.SEEK_END)
+            return file.read(1) == b"\n"
+
+    def metrics(self) -> list[dict[str, Any]]:
+        """The iterations' records in order, each iteration once; a line cut by a crash is left out."""
+        path = self.path / "metrics.jsonl"
+        records: dict[int, dict[str, Any]] = {}
+        for line in path.read_text().splitlines() if path.exists() else ():
+            try:
+                record = json.loads(line)
+            except json.JSONDecodeError:
+                continue
+            records[record["iteration"]] = record
+        return [records[iteration] for iteration in sorted(records)]
+
+
+def write_atomically(path: Path, data: bytes) -> None:
+    """Replaces a file so that a reader, or a crash at any moment, finds the old or the new one whole."""
+    temporary = path.with_name(path.name + ".new")
+    with temporary.open("wb") as file:
+        file.write(data)
+        file.flush()
+        os.fsync(file.fileno())
+    os.replace(temporary, path)

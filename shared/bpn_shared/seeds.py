@@ -1,0 +1,34 @@
+"""Every random number of a run, each a pure function of the run's seed and where it is used.
+
+Nothing has generator state, so a restart anywhere cannot change what comes next, and whichever robot or
+edge plays an episode plays the same one.
+"""
+
+import numpy as np
+
+_EPISODE, _ACTION, _SHUFFLE, _INITIAL = range(4)  # one stream for each purpose
+
+
+def _generator(*key: int) -> np.random.Generator:
+    return np.random.Generator(np.random.Philox(np.random.SeedSequence(key)))
+
+
+def episode_seed(run_seed: int, iteration: int, episode: int) -> int:
+    """Seed (uint64) of an episode: the robot's start and the actions drawn in it."""
+    return int(_generator(_EPISODE, run_seed, iteration, episode).integers(2**64, dtype=np.uint64))
+
+
+def action_uniform(episode_seed: int, step: int) -> float:
+    """The uniform number in [0, 1) that decides the action of step t (counter-based: Philox)."""
+    bits = np.random.Philox(key=[episode_seed, _ACTION], counter=[step, 0, 0, 0])
+    return float(np.random.Generator(bits).random())
+
+
+def shuffle_generator(run_seed: int, iteration: int) -> np.random.Generator:
+    """What shuffles D in the policy update of an iteration."""
+    return _generator(_SHUFFLE, run_seed, iteration)
+
+
+def initial_weights_seed(run_seed: int) -> int:
+    """Seed (below 2**63) of the network's initial weights."""
+    return int(_generator(_INITIAL, run_seed).integers(2**63))

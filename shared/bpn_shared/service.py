@@ -1,0 +1,109 @@
+"""What every service does alike: logging, signals, counters, and saying what it waits for."""
+
+import json
+import logging
+import os
+import signal
+import threading
+import time
+import uuid
+from collections import Counter
+from collections.abc import Callable
+
+log = logging.getLogger(__name__)
+
+
+def set_up_logging(service: str) -> None:
+    """Log lines to standard error: time, service, level, text."""
+    logging.basicConfig(
+        level=logging.INFO,
+        format=f"%(asctime)s {service} %(levelname)s %(message)s",
+        force=True,
+    )
+
+
+def stop_on_signals() -> threading.Event:
+    """An event that SIGINT and SIGTERM set; a second signal ends the process at once."""
+    stop = threading.Event()
+
+    def handle(number: int, _frame: object) -> None:
+        if stop.is_set():
+            os._exit(128 + number)
+        stop.set()
+
+    signal.signal(signal.SIGINT, handle)
+    signal.signal(signal.SIGTERM, handle)
+    return stop
+
+
+def new_worker_id(kind: str) -> str:
+    """An id for this process; a restarted worker is another worker."""
+    return f"{kind}-{uuid.uuid4().hex[:12]}"
+
+
+class Counters:
+    """Counts of what happened, safe across threads."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._counts: Counter[str] = Counter()
+
+    def add(self, name: str, count: int = 1) -> int:
+        """Adds to a counter and returns its new value."""
+        with self._lock:
+            self._counts[name] += count
+            return self._counts[name]
+
+    def refuse(self, name: str, reason: str) -> None:
+        """Counts refused input; logs the 1st, 10th, 100th ... so that a flood cannot fill the log."""
+        count = self.add(name)
+        if count == 10 ** (len(str(count)) - 1):
+            log.warning("%s (%s: %d so far)", reason, name, count)
+
+    def snapshot(self) -> dict[str, int]:
+        with self._lock:
+            return dict(self._counts)
+
+
+class Waiting:
+    """What a service waits for: logged once when it changes, and part of its health report."""
+
+    def __init__(self) -> None:
+        self._what: str | None = None
+        self._since_s = time.monotonic()
+
+    def set(self, what: str) -> None:
+        """From now on the service waits for this."""
+        if what != self._what:
+            log.info("waiting for %s", what)
+            self._what, self._since_s = what, time.monotonic()
+
+    def done(self) -> None:
+        """The service goes on."""
+        if self._what is not None:
+            log.info(
+                "no longer waiting for %s (%.1f s)", self._what, time.monotonic() - self._since_s
+            )
+            self._what = None
+
+    def snapshot(self) -> dict[str, str | float | None]:
+        seconds = time.monotonic() - self._since_s if self._what else 0.0
+        return {"waiting_for": self._what, "waiting_s": round(seconds, 3)}
+
+
+def health_report(kind: str, waiting: Waiting, counters: Counters) -> Callable[[bytes], bytes]:
+    """A request handler that answers what the service waits for and has counted (JSON)."""
+    start_s = time.monotonic()
+
+    def answer(_request: bytes) -> bytes:
+        return json.dumps(
+            {
+                "kind": kind,
+                "pid": os.getpid(),
+                "uptime_s": round(time.monotonic() - start_s, 1),
+                **waiting.snapshot(),
+                "counters": counters.snapshot(),
+            }
+        ).encode()
+
+    return answer

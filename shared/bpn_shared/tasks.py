@@ -1,0 +1,61 @@
+"""The tasks that robots can do: what every service must know of each."""
+
+from dataclasses import dataclass
+
+from bpn_shared.bnn.spec import IMAGE_SIZE_PX, NetworkSpec
+
+
+@dataclass(frozen=True, slots=True)
+class Task:
+    """One task.
+
+    Attributes:
+        env_id: the Gymnasium id of its simulation.
+        frame_channels: c of one camera frame uint8[c, 84, 84].
+        frames_stacked: frames in one observation; C = frame_channels * frames_stacked.
+        actions: |A|.
+        hold_action: the action that leaves the robot where it is; what a robot did when no action
+            came in time (realtime pacing).
+        control_period_s: time between two frames in realtime pacing.
+    """
+
+    name: str
+    env_id: str
+    frame_channels: int
+    frames_stacked: int
+    actions: int
+    hold_action: int
+    control_period_s: float
+
+    @property
+    def frame_shape(self) -> tuple[int, int, int]:
+        return self.frame_channels, IMAGE_SIZE_PX, IMAGE_SIZE_PX
+
+    def network(self, nodes: int) -> NetworkSpec:
+        """The geometry of this task's policy with N = nodes."""
+        return NetworkSpec(self.frame_channels * self.frames_stacked, nodes, self.actions)
+
+
+TASKS = {
+    "reaching": Task(
+        name="reaching",
+        env_id="bpn/Reaching-v0",
+        frame_channels=1,
+        frames_stacked=1,
+        actions=14,
+        hold_action=3,  # joint 1 by 0 degrees
+        control_period_s=0.145,  # the paper's Table II
+    ),
+}
+
+
+def task_named(name: str) -> Task:
+    """The task of that name.
+
+    Raises:
+        ValueError: there is none; the message lists those there are.
+    """
+    try:
+        return TASKS[name]
+    except KeyError:
+        raise ValueError(f"task = {name!r} is unknown; one of: {', '.join(TASKS)}") from None
