@@ -34,6 +34,7 @@ class LearnerLink:
         )
         if answer is None:
             return
+        worker.waiting.done()
         receipt = EpisodeReceipt.decode(answer)
         worker.counters.add(f"episodes_{receipt.verdict}")
         if receipt.verdict == "refused":
@@ -43,9 +44,7 @@ class LearnerLink:
         worker = self._worker
         while not worker.stop.is_set():
             try:
-                answer = request(worker.bus, key, body, timeout_s=timeout_s)
-                worker.waiting.done()
-                return answer
+                return request(worker.bus, key, body, timeout_s=timeout_s)
             except NoReplyError:
                 worker.waiting.set(f"the learner to give {what}")
             except (RefusedError, MessageError) as error:

@@ -23,7 +23,7 @@ class _Sign(torch.autograd.Function):
 
 
 def sign(x: Tensor) -> Tensor:
-    """+1 where x >= 0, else -1 (the paper's Eq. 7); Sign(0) = Sign(-0) = +1.
+    """+1 where x >= 0, else -1 (section III-C); Sign(0) = Sign(-0) = +1.
 
     Args:
         x: float32 or float64, any shape.

@@ -9,7 +9,7 @@ from torch import Tensor
 
 
 def mellowmax(P: Tensor, beta: float) -> Tensor:
-    """(m_beta P)(s) = 1/beta log mean_a exp(beta P(s,a)), Eq. 5.
+    """(m_beta P)(s) = 1/beta log mean_a exp(beta P(s,a)) (section III-B).
 
     Written as top + 1/beta log1p(mean expm1(beta (P - top))) with top = max_a P: no exponent is above 0,
     so nothing overflows, and nothing cancels when beta is small.
@@ -27,7 +27,7 @@ def mellowmax(P: Tensor, beta: float) -> Tensor:
 
 
 def softmax_policy(P: Tensor, beta: float) -> Tensor:
-    """pi(s,a) = exp(beta P(s,a)) / sum_b exp(beta P(s,b)), Eq. 6; [..., |A|] to [..., |A|]."""
+    """pi(s,a) = exp(beta P(s,a)) / sum_b exp(beta P(s,b)), section III-B; the shape of P."""
     top = P.amax(dim=-1, keepdim=True)
     return torch.softmax(beta * (P - top), dim=-1)
 
@@ -43,7 +43,7 @@ def cvi_target(
     gamma: float,
     done: Tensor | None = None,
 ) -> Tensor:
-    """Target y = r + gamma (m_beta P-)(s') + alpha (P-(s,a) - (m_beta P-)(s)) of Eq. 4 and Eq. 10.
+    """Target y = r + gamma (m_beta P-)(s') + alpha (P-(s,a) - (m_beta P-)(s)), section IV-C.
 
     Args:
         reward: r [B].

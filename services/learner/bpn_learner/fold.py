@@ -4,9 +4,9 @@ from uuid import UUID
 
 import numpy as np
 import numpy.typing as npt
-from bpn_shared.bnn.blob import NO_RUN, Thresholds, WeightBlob
 
 from bpn_learner.networks import BinaryNetwork
+from bpn_shared.bnn.blob import NO_RUN, Thresholds, WeightBlob
 
 Floats = npt.NDArray[np.float64]
 
@@ -14,7 +14,7 @@ Floats = npt.NDArray[np.float64]
 def fold(
     network: BinaryNetwork, *, run: UUID = NO_RUN, attempt: int = 0, version: int = 0
 ) -> WeightBlob:
-    """The evaluated network as integers (Eq. 11): equal to it for every observation, bit by bit.
+    """The evaluated network as integers (section IV-B b): equal to it for every observation, bit by bit.
 
     A channel whose a of Sign(a o + b) is negative has its weights flipped, for then o changes its sign
     and a o does not. P's factor is lambda as float32.

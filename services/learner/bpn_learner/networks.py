@@ -9,11 +9,11 @@ Inputs are pixel values 0..255 in float32. Every sum a binarized layer can form 
 """
 
 import torch
-from bpn_shared.bnn.spec import MAX_PIXEL, Layer, NetworkSpec
 from torch import Tensor, nn
 from torch.nn import functional
 
 from bpn_learner.binarize import sign
+from bpn_shared.bnn.spec import MAX_PIXEL, Layer, NetworkSpec
 
 BATCH_NORM_EPSILON = 1e-5
 
@@ -158,7 +158,7 @@ class FloatNetwork(PNetwork):
 
 
 def dot_products(layer: Layer, signs: Tensor, x: Tensor) -> Tensor:
-    """Integers o = sum Sign(w) x (Eq. 7a): a convolution, or a product where one patch is all input.
+    """Integers o = sum Sign(w) x (section III-C): a convolution, or a product where one patch is all input.
 
     Args:
         signs: float32[out, fan_in], fan_in in the order (kernel row, kernel column, channel).

@@ -5,6 +5,7 @@ from collections.abc import Callable
 import cv2
 import numpy as np
 import numpy.typing as npt
+
 from bpn_shared.markers import HAND_LEVEL, TARGET_LEVEL
 
 Frames = npt.NDArray[np.uint8]

@@ -7,8 +7,9 @@ from typing import Self
 import numpy as np
 import numpy.typing as npt
 import torch
-from bpn_shared.observation import frame_indices
 from torch import Tensor
+
+from bpn_shared.observation import frame_indices
 
 
 @dataclass(frozen=True, eq=False)

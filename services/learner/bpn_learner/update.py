@@ -125,7 +125,7 @@ def policy_update(
             batch = order[B * k : B * (k + 1)]
             P = network(pixels.index_select(0, batch).float().permute(0, 3, 1, 2))
             P_taken = P.gather(1, transitions.actions[batch, None]).squeeze(1)
-            loss = (y[batch] - P_taken).square().mean() / 2  # Eq. 10
+            loss = (y[batch] - P_taken).square().mean() / 2  # J, section IV-C
             optimizer.zero_grad()
             loss.backward()
             optimizer.step()

@@ -4,6 +4,7 @@ Importing this package registers the environments with Gymnasium; it loads neith
 """
 
 import gymnasium
+
 from bpn_shared.tasks import TASKS
 
 EPISODE_STEPS = {"reaching": 20}  # T of the paper's Table I

@@ -5,9 +5,9 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from bpn_shared.bnn.spec import IMAGE_SIZE_PX
 
 from bpn_robot_sim.opengl import RenderingError, mujoco
+from bpn_shared.bnn.spec import IMAGE_SIZE_PX
 
 __all__ = ["Camera", "Frame", "RenderingError", "backend"]
 

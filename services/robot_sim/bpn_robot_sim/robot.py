@@ -2,9 +2,8 @@
 
 from typing import Protocol
 
-from bpn_shared.tasks import Task, task_named
-
 from bpn_robot_sim.rendering import Frame
+from bpn_shared.tasks import Task, task_named
 
 Info = dict[str, tuple[float, float]]
 

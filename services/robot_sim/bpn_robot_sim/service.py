@@ -97,10 +97,8 @@ class RobotService:
             if kind.ends_episode:
                 self._repeat_until_reset(header, pixels)
                 return
-            if realtime:
-                answer = self._tick(header, pixels)
-            else:
-                answer = self._await_action(header, pixels)
+            step_robot = self._tick if realtime else self._await_action
+            answer = step_robot(header, pixels)
             if self._ends_now():
                 return
             applied = hold if answer is None else answer.action

@@ -6,11 +6,12 @@ from itertools import product
 from math import radians
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
 from bpn_robot_sim.reaching import geometry, optimum
 from bpn_robot_sim.reaching.robot import ReachingRobot
 from bpn_shared.tasks import TASKS
-from hypothesis import given
-from hypothesis import strategies as st
 
 TOLERANCE_PX = 0.5  # twenty steps of a servo that stops up to 0.05 degrees away
 

@@ -6,6 +6,7 @@ import sys
 
 import numpy as np
 import pytest
+
 from bpn_robot_sim.opengl import mujoco
 from bpn_robot_sim.rendering import Camera, RenderingError, backend
 

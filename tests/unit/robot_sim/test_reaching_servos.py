@@ -8,12 +8,13 @@ from math import degrees
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
 from bpn_robot_sim.physics import Physics
 from bpn_robot_sim.reaching import geometry, scene
 from bpn_robot_sim.reaching.robot import ReachingRobot
 from bpn_shared.tasks import TASKS
-from hypothesis import given
-from hypothesis import strategies as st
 
 TASK = TASKS["reaching"]
 ACTIONS = st.lists(st.integers(0, TASK.actions - 1), max_size=20)
@@ -129,7 +130,7 @@ def test_realtime_play_is_repeatable_after_reset(robot: ReachingRobot) -> None:
         frames = [robot.reset(0).tobytes()]
         for action in (0, 13, 3, 5, 8):
             robot.command(action)
-            robot.advance(0.033)
+            robot.advance(0.0112)  # no whole number of time steps, nor are all five together
             frames.append(robot.frame().tobytes())
         return frames
 

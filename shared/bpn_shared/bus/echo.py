@@ -1,0 +1,91 @@
+"""`python -m bpn_shared.bus.echo`: what a round trip over the bus costs, with nothing else in it.
+
+The yardstick for the loop's camera-to-action latency: same bytes there and back, same router, receivers
+that answer from the network thread.
+"""
+
+import argparse
+import threading
+import time
+
+import zenoh
+
+from bpn_shared.bus.session import DEFAULT_ENDPOINT, Bus
+from bpn_shared.service import set_up_logging, stop_on_signals
+from bpn_shared.worker import end_with_supervisor
+
+PING, PONG = "bpn/echo/ping", "bpn/echo/pong"
+
+
+def _publisher(bus: Bus, key: str) -> zenoh.Publisher:
+    return bus.zenoh.declare_publisher(
+        key,
+        congestion_control=zenoh.CongestionControl.DROP,
+        priority=zenoh.Priority.REAL_TIME,
+        express=True,
+    )
+
+
+class Echo:
+    """Answers every ping with a pong of `answer_bytes`."""
+
+    def __init__(self, bus: Bus, answer_bytes: int) -> None:
+        answer = bytes(answer_bytes)
+        pong = _publisher(bus, PONG)
+
+        def receive(sample: zenoh.Sample) -> None:
+            sample.payload.to_bytes()
+            pong.put(answer)
+
+        self._subscriber = bus.zenoh.declare_subscriber(
+            PING, zenoh.handlers.Callback(receive, indirect=False)
+        )
+
+
+def round_trips_us(bus: Bus, request_bytes: int, count: int, timeout_s: float = 1.0) -> list[float]:
+    """Times `count` pings of `request_bytes`, one after the other, microseconds each.
+
+    Raises:
+        TimeoutError: a pong did not come within the timeout.
+    """
+    arrived = threading.Event()
+
+    def receive(sample: zenoh.Sample) -> None:
+        sample.payload.to_bytes()
+        arrived.set()
+
+    subscriber = bus.zenoh.declare_subscriber(
+        PONG, zenoh.handlers.Callback(receive, indirect=False)
+    )
+    ping = _publisher(bus, PING)
+    payload = bytes(request_bytes)
+    times_us = []
+    for _ in range(count):
+        arrived.clear()
+        start_ns = time.perf_counter_ns()
+        ping.put(payload)
+        if not arrived.wait(timeout_s):
+            raise TimeoutError(f"no pong within {timeout_s} s: is an echo running at the router?")
+        times_us.append((time.perf_counter_ns() - start_ns) / 1e3)
+    subscriber.undeclare()  # type: ignore[no-untyped-call]
+    return times_us
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Answers pings until stopped."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--connect", default=DEFAULT_ENDPOINT)
+    parser.add_argument("--answer-bytes", type=int, default=32)
+    options = parser.parse_args(argv)
+    set_up_logging("echo")
+    stop = stop_on_signals()
+    end_with_supervisor()
+    with Bus(options.connect, stop=stop) as bus:
+        echo = Echo(bus, options.answer_bytes)
+        stop.wait()
+        del echo
+    return 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -1,0 +1,48 @@
+import threading
+import time
+from collections.abc import Callable, Iterator
+
+import pytest
+
+from bpn.local_run import free_endpoint
+from bpn_shared.bus.router import open_router
+from bpn_shared.bus.session import Bus
+
+DEADLINE_S = 20.0
+
+
+def wait_for(condition: Callable[[], object], what: str, timeout_s: float = DEADLINE_S) -> None:
+    """Waits for a condition, and fails the test saying what did not happen."""
+    deadline_s = time.monotonic() + timeout_s
+    pause = threading.Event()
+    while not condition():
+        if time.monotonic() > deadline_s:
+            pytest.fail(f"waited {timeout_s:.0f} s for {what}")
+        pause.wait(0.01)
+
+
+@pytest.fixture(name="wait_for")
+def _wait_for() -> Callable[..., None]:
+    return wait_for
+
+
+@pytest.fixture
+def endpoint() -> Iterator[str]:
+    """A real router of its own for every test."""
+    address = free_endpoint()
+    with open_router(address):
+        yield address
+
+
+@pytest.fixture
+def open_bus(endpoint: str) -> Iterator[Callable[[], Bus]]:
+    """Opens sessions that are closed with the test."""
+    opened: list[Bus] = []
+
+    def open_one() -> Bus:
+        opened.append(Bus(endpoint, deadline_s=5.0))
+        return opened[-1]
+
+    yield open_one
+    for bus in opened:
+        bus.close()

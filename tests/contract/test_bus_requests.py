@@ -1,0 +1,105 @@
+import threading
+from collections.abc import Callable
+
+import pytest
+
+from bpn.local_run import free_endpoint
+from bpn_shared.bus.requests import NoReplyError, RefusedError, Responder, request
+from bpn_shared.bus.router import open_router
+from bpn_shared.bus.session import Bus, BusError
+from bpn_shared.messages.base import MessageError
+from bpn_shared.service import Counters
+
+OpenBus = Callable[[], Bus]
+
+
+def test_the_answer_comes_back_whole(open_bus: OpenBus) -> None:
+    responder = Responder(open_bus(), "test/double", lambda body: body + body, Counters())
+    payload = bytes(range(256)) * 4000  # 1 MB
+    assert request(open_bus(), "test/double", payload, timeout_s=5.0) == payload + payload
+    del responder
+
+
+def test_nobody_there_is_no_reply_and_not_a_hang(open_bus: OpenBus) -> None:
+    with pytest.raises(NoReplyError, match=r"no reply at test/nobody within 5\.0 s"):
+        request(open_bus(), "test/nobody", b"", timeout_s=5.0)
+
+
+def test_a_refusal_carries_its_reason_and_is_counted(open_bus: OpenBus) -> None:
+    def refuse(_body: bytes) -> bytes:
+        raise MessageError("frame: too short")
+
+    counters = Counters()
+    responder = Responder(open_bus(), "test/refuse", refuse, counters)
+    with pytest.raises(RefusedError, match="frame: too short"):
+        request(open_bus(), "test/refuse", b"", timeout_s=5.0)
+    assert counters.snapshot() == {"requests_refused": 1}
+    del responder
+
+
+def test_a_fault_in_a_handler_is_a_refusal_and_the_next_request_is_served(
+    open_bus: OpenBus,
+) -> None:
+    def divide(body: bytes) -> bytes:
+        return bytes([12 // body[0]])
+
+    responder = Responder(open_bus(), "test/divide", divide, Counters())
+    bus = open_bus()
+    with pytest.raises(RefusedError, match="internal error"):
+        request(bus, "test/divide", b"\x00", timeout_s=5.0)
+    assert request(bus, "test/divide", b"\x04", timeout_s=5.0) == b"\x03"
+    del responder
+
+
+def test_a_handler_that_never_answers_ends_at_the_deadline(open_bus: OpenBus) -> None:
+    release = threading.Event()
+
+    def hang(_body: bytes) -> bytes:
+        release.wait(30)
+        return b""
+
+    responder = Responder(open_bus(), "test/hang", hang, Counters())
+    with pytest.raises(NoReplyError):
+        request(open_bus(), "test/hang", b"", timeout_s=0.3)
+    release.set()
+    del responder
+
+
+def test_a_service_that_starts_before_the_router_finds_it() -> None:
+    endpoint = free_endpoint()
+    opened: list[Bus] = []
+    thread = threading.Thread(target=lambda: opened.append(Bus(endpoint, deadline_s=20.0)))
+    thread.start()
+    with open_router(endpoint):
+        thread.join(20)
+        assert opened
+        assert opened[0].connected
+        opened[0].close()
+
+
+def test_no_router_is_an_error_that_names_the_remedy() -> None:
+    with pytest.raises(BusError, match="start one with `bpn-router`"):
+        Bus(free_endpoint(), deadline_s=0.3)
+
+
+def test_requests_work_again_after_the_router_was_replaced(
+    wait_for: Callable[..., None],
+) -> None:
+    endpoint = free_endpoint()
+    with open_router(endpoint):
+        served, asking = Bus(endpoint), Bus(endpoint)
+        responder = Responder(served, "test/echo", lambda body: body, Counters())
+        assert request(asking, "test/echo", b"1", timeout_s=5.0) == b"1"
+
+    def answers() -> bool:
+        try:
+            return request(asking, "test/echo", b"2", timeout_s=0.5) == b"2"
+        except NoReplyError:
+            return False
+
+    assert not answers()
+    with open_router(endpoint):
+        wait_for(answers, "an answer through the second router")
+        served.close()
+        asking.close()
+    del responder

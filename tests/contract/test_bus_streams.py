@@ -1,0 +1,59 @@
+import threading
+from collections.abc import Callable
+
+from bpn_shared.bus.latest import LatestPublisher, LatestSubscriber
+from bpn_shared.bus.liveliness import Alive, AliveToken
+from bpn_shared.bus.session import Bus
+
+OpenBus = Callable[[], Bus]
+WaitFor = Callable[..., None]
+
+
+def test_only_the_newest_is_taken_and_the_rest_is_counted(
+    open_bus: OpenBus, wait_for: WaitFor
+) -> None:
+    subscriber = LatestSubscriber(open_bus(), "test/frame")
+    publisher = LatestPublisher(open_bus(), "test/frame", "frame")
+
+    def first_arrives() -> bool:
+        publisher.put(b"first")
+        return subscriber.take(0.05) is not None
+
+    wait_for(first_arrives, "the subscription to reach the publisher")
+    while subscriber.take(0.1) is not None:
+        pass
+    subscriber.overwritten = 0
+    for number in range(50):
+        publisher.put(bytes([number]), attachment=b"header")
+    wait_for(lambda: subscriber.overwritten == 49, "all 50 messages")
+    newest = subscriber.take(0)
+    assert newest is not None
+    assert (newest.payload, newest.attachment) == (b"\x31", b"header")
+    assert subscriber.take(0) is None
+
+
+def test_a_waiting_take_can_be_interrupted(open_bus: OpenBus) -> None:
+    subscriber = LatestSubscriber(open_bus(), "test/frame")
+    interrupted, results = threading.Event(), []
+    thread = threading.Thread(
+        target=lambda: results.append(subscriber.take(30, interrupted.is_set))
+    )
+    thread.start()
+    interrupted.set()
+    subscriber.wake()
+    thread.join(5)
+    assert results == [None]
+
+
+def test_the_living_are_seen_by_early_and_late_watchers(
+    open_bus: OpenBus, wait_for: WaitFor
+) -> None:
+    early = Alive(open_bus(), "edge")
+    worker = open_bus()
+    token = AliveToken(worker, "edge", "edge-1")
+    wait_for(lambda: "edge-1" in early, "the early watcher to see edge-1")
+    late = Alive(open_bus(), "edge")
+    wait_for(lambda: "edge-1" in late and len(late) == 1, "the late watcher to see edge-1")
+    worker.close()
+    wait_for(lambda: "edge-1" not in early and not len(late), "both to see it go")
+    del token

@@ -1,0 +1,115 @@
+from collections.abc import Callable
+from dataclasses import replace
+from uuid import UUID
+
+import numpy as np
+import pytest
+
+from bpn_shared import keys
+from bpn_shared.bnn.blob import WeightBlob
+from bpn_shared.bnn.spec import NetworkSpec
+from bpn_shared.bus.latest import LatestPublisher
+from bpn_shared.bus.liveliness import AliveToken
+from bpn_shared.bus.session import Bus
+from bpn_shared.bus.weights import WeightsPublisher, WeightsSubscriber, _encode_header
+from bpn_shared.service import Counters
+
+OpenBus = Callable[[], Bus]
+WaitFor = Callable[..., None]
+RUN = UUID(int=7)
+SPEC = NetworkSpec(1, 16, 4)
+BASE = replace(WeightBlob.random(SPEC, np.random.default_rng(0)), run=RUN)
+
+
+def blob(attempt: int, version: int) -> WeightBlob:
+    return replace(BASE, attempt=attempt, version=version)
+
+
+class Edge:
+    """Collects what a subscriber hands on."""
+
+    def __init__(self, bus: Bus) -> None:
+        self.got: list[tuple[int, int]] = []
+        self.counters = Counters()
+        self.subscriber = WeightsSubscriber(
+            bus, RUN, SPEC, lambda b: self.got.append((b.attempt, b.version)), self.counters
+        )
+
+    @property
+    def newest(self) -> tuple[int, int] | None:
+        return self.got[-1] if self.got else None
+
+
+def test_an_edge_that_starts_late_has_the_newest_at_once(open_bus: OpenBus) -> None:
+    publisher = WeightsPublisher(open_bus(), RUN)
+    for version in range(8):
+        publisher.publish(blob(1, version))
+    assert Edge(open_bus()).got == [(1, 7)]
+
+
+def test_an_edge_that_waits_gets_what_is_published(open_bus: OpenBus, wait_for: WaitFor) -> None:
+    edge = Edge(open_bus())
+    learner = open_bus()
+    publisher = WeightsPublisher(learner, RUN)
+    publisher.publish(blob(1, 0))
+    token = AliveToken(learner, "learner", "learner-1")  # makes the edge ask again
+    wait_for(lambda: edge.newest == (1, 0), "version 0")
+    publisher.publish(blob(1, 1))
+    wait_for(lambda: edge.newest == (1, 1), "version 1")
+    del token
+
+
+def test_after_a_restart_the_higher_attempt_wins(open_bus: OpenBus, wait_for: WaitFor) -> None:
+    edge = Edge(open_bus())
+    old = WeightsPublisher(open_bus(), RUN)
+    old.publish(blob(1, 7))
+    edge.subscriber.refresh()
+    new_learner = open_bus()
+    new = WeightsPublisher(new_learner, RUN)
+    new.publish(blob(2, 5))
+    token = AliveToken(new_learner, "learner", "learner-2")
+    wait_for(lambda: edge.newest == (2, 5), "attempt 2")
+    old.publish(blob(1, 8))  # a learner that does not know it was replaced
+    edge.subscriber.refresh()
+    new.publish(blob(2, 6))
+    wait_for(lambda: edge.newest == (2, 6), "version 6 of attempt 2")
+    assert (1, 8) not in edge.got
+    del token
+
+
+GOOD = blob(1, 1)
+
+
+@pytest.mark.parametrize(
+    ("header", "payload"),
+    [
+        (b"", GOOD.encode()),
+        (_encode_header(GOOD), GOOD.encode()[:-1]),
+        (_encode_header(GOOD), GOOD.encode() + b"x"),
+        (_encode_header(GOOD), bytes(len(GOOD.encode()))),
+        (_encode_header(GOOD), bytes([*GOOD.encode()[:60], 255, *GOOD.encode()[61:]])),
+        (_encode_header(blob(1, 2)), GOOD.encode()),
+        (_encode_header(GOOD), replace(GOOD, run=UUID(int=8)).encode()),
+        (
+            _encode_header(GOOD),
+            WeightBlob.random(NetworkSpec(1, 17, 4), np.random.default_rng(0)).encode(),
+        ),
+    ],
+    ids=["no header", "truncated", "oversized", "zeros", "flipped", "version", "run", "geometry"],
+)
+def test_what_is_not_this_runs_weights_is_refused_and_counted(
+    open_bus: OpenBus, wait_for: WaitFor, header: bytes, payload: bytes
+) -> None:
+    edge = Edge(open_bus())
+    bus = open_bus()
+    stranger = LatestPublisher(bus, keys.weights(RUN), "frame")
+
+    def refused() -> bool:
+        stranger.put(payload, attachment=header)
+        return edge.counters.snapshot().get("weights_refused", 0) > 0
+
+    wait_for(refused, "the refusal to be counted")
+    assert edge.got == []
+    WeightsPublisher(open_bus(), RUN).publish(blob(1, 1))
+    edge.subscriber.refresh()
+    wait_for(lambda: edge.newest == (1, 1), "the true version 1 after the false one")

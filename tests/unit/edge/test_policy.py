@@ -1,0 +1,56 @@
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+
+from bpn_edge.policy import epsilon_greedy_action, softmax_action, softmax_probabilities
+
+outputs = hnp.arrays(np.int32, st.integers(2, 64), elements=st.integers(-1024, 1024))
+uniforms = st.floats(0, 1, exclude_max=True)
+scales = st.floats(1e-3, 10)
+betas = st.floats(1e-2, 1e4)
+
+
+@given(outputs, scales, betas)
+def test_probabilities_are_the_papers_equation(o: np.ndarray, scale: float, beta: float) -> None:
+    probabilities = softmax_probabilities(o, scale, beta)
+    assert probabilities.sum() == pytest.approx(1)
+    best = probabilities.argmax()
+    # Eq. 6 as ratios, which need no exponential of a large number
+    with np.errstate(divide="ignore"):
+        logs = np.log(probabilities / probabilities[best])
+    finite = np.isfinite(logs)
+    expected = beta * scale * (o.astype(float) - float(o[best]))
+    np.testing.assert_allclose(logs[finite], expected[finite], rtol=1e-6, atol=1e-6)
+    assert (expected[~finite] < -600).all()
+
+
+@given(outputs, scales, betas, uniforms)
+def test_the_drawn_action_is_where_the_cdf_passes_the_number(
+    o: np.ndarray, scale: float, beta: float, uniform: float
+) -> None:
+    action = softmax_action(o, scale, beta, uniform)
+    cumulative = np.cumsum(softmax_probabilities(o, scale, beta))
+    assert 0 <= action < len(o)
+    assert action == 0 or cumulative[action - 1] <= uniform
+    assert uniform < cumulative[action] or action == len(o) - 1
+
+
+@given(outputs)
+def test_a_rounded_sum_below_one_still_gives_an_action(o: np.ndarray) -> None:
+    assert softmax_action(o, 0.1, 1.0, np.nextafter(1, 0)) < len(o)
+
+
+@given(outputs, st.floats(0, 1), uniforms)
+def test_epsilon_greedy(o: np.ndarray, epsilon: float, uniform: float) -> None:
+    action = epsilon_greedy_action(o, epsilon, uniform)
+    assert 0 <= action < len(o)
+    if uniform >= epsilon:
+        assert action == list(o).index(max(o))
+
+
+def test_epsilon_one_reaches_every_action_equally() -> None:
+    o = np.zeros(4, np.int32)
+    drawn = [epsilon_greedy_action(o, 0.5, u) for u in np.linspace(0, 0.4999, 400)]
+    assert np.bincount(drawn).tolist() == [100, 100, 100, 100]

@@ -1,0 +1,231 @@
+"""Algorithm 1's PolicyUpdate: what it computes, that it learns, and that it repeats itself bit by bit."""
+
+from typing import Literal
+
+import numpy as np
+import pytest
+import torch
+from hypothesis import given
+from hypothesis import strategies as st
+
+from bpn_learner.cvi import cvi_target
+from bpn_learner.fold import fold
+from bpn_learner.networks import BinaryNetwork, FloatNetwork, PNetwork
+from bpn_learner.transitions import EpisodeData, Transitions
+from bpn_learner.update import (
+    DivergenceError,
+    PolicyUpdate,
+    UpdateReport,
+    UpdateStopped,
+    make_optimizer,
+    minibatches_per_epoch,
+    policy_update,
+    preferences,
+    targets,
+)
+from bpn_shared.bnn import golden
+from bpn_shared.bnn.spec import NetworkSpec
+from bpn_shared.observation import stack
+
+SPEC = NetworkSpec(channels=1, nodes=20, actions=3)
+
+
+def episode(seed: int, steps: int = 10, channels: int = 1, failed: bool = False) -> EpisodeData:
+    rng = np.random.default_rng(seed)
+    return EpisodeData(
+        frames=rng.integers(0, 256, (steps + 1, channels, 84, 84), np.uint8),
+        actions=rng.integers(0, 3, steps).astype(np.uint8),
+        rewards=rng.normal(size=steps),
+        failed=failed,
+    )
+
+
+def binary_network(seed: int = 0) -> BinaryNetwork:
+    return BinaryNetwork(SPEC, scale_initial=0.2, generator=torch.Generator().manual_seed(seed))
+
+
+def transitions(episodes: int = 3) -> Transitions:
+    return Transitions.from_episodes([episode(i) for i in range(episodes)], frames_stacked=1)
+
+
+def update(network: PNetwork, settings: PolicyUpdate, seed: int = 0) -> UpdateReport:
+    optimizer = make_optimizer(network, 1e-3)
+    return policy_update(network, optimizer, transitions(), settings, np.random.default_rng(seed))
+
+
+@pytest.mark.parametrize("frames_stacked", [1, 2, 3])
+def test_observations_are_the_stacked_frames_of_their_episode(frames_stacked: int) -> None:
+    episodes = [episode(0, 4, 2, failed=True), episode(1, 1, 2), episode(2, 6, 2)]
+    data = Transitions.from_episodes(episodes, frames_stacked=frames_stacked)
+    steps = [(e, t) for e in episodes for t in range(len(e.actions))]
+    now = [stack(list(e.frames), t, frames_stacked) for e, t in steps]
+    after = [stack(list(e.frames), t + 1, frames_stacked) for e, t in steps]
+    assert np.array_equal(data.gather(data.observations).numpy(), np.stack(now))
+    assert np.array_equal(data.gather(data.next_observations).numpy(), np.stack(after))
+    assert data.done.tolist() == [e.failed and t == len(e.actions) - 1 for e, t in steps]
+    assert data.actions.tolist() == [int(e.actions[t]) for e, t in steps]
+    assert data.rewards.tolist() == [float(np.float32(e.rewards[t])) for e, t in steps]
+    assert len(data) == len(steps)
+    assert len(data.frames) == sum(len(e.frames) for e in episodes)
+
+
+def test_episodes_that_do_not_fit_are_refused() -> None:
+    whole = episode(0)
+    with pytest.raises(ValueError, match="10 actions and 10 rewards has 10 frames"):
+        Transitions.from_episodes(
+            [EpisodeData(whole.frames[:-1], whole.actions, whole.rewards)], frames_stacked=1
+        )
+    with pytest.raises(ValueError, match="at least 1 episode"):
+        Transitions.from_episodes([], frames_stacked=1)
+
+
+@given(st.integers(2, 5000), st.integers(2, 256))
+def test_an_epoch_has_the_rounded_number_of_minibatches_and_none_of_one(
+    size: int, batch: int
+) -> None:
+    count = minibatches_per_epoch(size, batch)
+    assert count == 1 or abs(count - size / batch) <= 0.5
+    lengths = [len(range(size)[batch * k : batch * (k + 1)]) for k in range(count)]
+    assert min(lengths) >= 2
+
+
+def test_one_transition_is_too_few() -> None:
+    with pytest.raises(ValueError, match="at least 2"):
+        minibatches_per_epoch(1, 32)
+
+
+@pytest.mark.parametrize("mask", [False, True])
+def test_targets_are_cvis_of_the_folded_network(mask: bool) -> None:
+    network = binary_network()
+    data = Transitions.from_episodes([episode(0, failed=True)], frames_stacked=1)
+    settings = PolicyUpdate(alpha=0.9, beta=2.0, gamma=0.8, mask_terminals=mask)
+    blob = fold(network)
+    P = torch.stack(
+        [
+            torch.from_numpy(np.float32(blob.scale) * golden.forward(blob, f.numpy())[-1])
+            for f in data.frames
+        ]
+    ).float()
+    y = targets(
+        data,
+        preferences(network, data.gather(data.observations)),
+        preferences(network, data.gather(data.next_observations)),
+        settings,
+    )
+    expected = cvi_target(
+        data.rewards, P[:-1], data.actions, P[1:], alpha=0.9, beta=2.0, gamma=0.8,
+        done=data.done if mask else None,
+    )  # fmt: skip
+    assert torch.equal(y, expected)
+
+
+def test_an_update_equals_algorithm_1_written_plainly() -> None:
+    """One transition at a time from D', targets computed anew by a frozen copy for every minibatch."""
+    settings = PolicyUpdate(alpha=0.9, beta=2.0, gamma=0.8, epochs=3, batch=8)
+    network, plain, frozen = (binary_network() for _ in range(3))
+    report = update(network, settings)
+
+    data = transitions()
+    frozen.eval()
+    plain.train()
+    optimizer = torch.optim.Adam([plain.latent, plain.gamma, plain.beta], lr=1e-3)
+    optimizer.add_param_group({"params": [plain.log_scale], "lr": 1e-2})
+    rng = np.random.default_rng(0)
+    updates = 0
+    for _ in range(3):
+        shuffled = rng.permutation(30)
+        for k in range(4):  # round(30 / 8)
+            batch = shuffled[8 * k : 8 * (k + 1)]
+            s = torch.stack([data.frames[data.observations[i, 0]] for i in batch]).float()
+            s_next = torch.stack([data.frames[data.next_observations[i, 0]] for i in batch]).float()
+            with torch.no_grad():
+                y = cvi_target(
+                    data.rewards[batch], frozen(s), data.actions[batch], frozen(s_next),
+                    alpha=0.9, beta=2.0, gamma=0.8,
+                )  # fmt: skip
+            error = y - plain(s)[torch.arange(len(batch)), data.actions[batch]]
+            optimizer.zero_grad()
+            (0.5 * error**2).mean().backward()
+            optimizer.step()
+            plain.latent.data.clamp_(-1, 1)
+            updates += 1
+    assert report.updates == updates
+    assert torch.allclose(network.latent, plain.latent, atol=1e-5)
+    assert report.scale == pytest.approx(float(plain.log_scale.detach().exp()), rel=1e-5)
+
+
+def test_equal_inputs_give_equal_bits() -> None:
+    settings = PolicyUpdate(epochs=3, batch=8)
+    first, second, third = (binary_network() for _ in range(3))
+    update(first, settings)
+    update(second, settings)
+    update(third, settings, seed=1)
+    for name, value in first.state_dict().items():
+        assert torch.equal(value, second.state_dict()[name]), name
+    assert fold(first).content_sha256() == fold(second).content_sha256()
+    assert not torch.equal(first.latent, third.latent)
+
+
+@pytest.mark.parametrize("target", ["cvi", "dqn"])
+@pytest.mark.parametrize("binary", [True, False])
+def test_training_fits_the_targets(binary: bool, target: Literal["cvi", "dqn"]) -> None:
+    network: PNetwork = (
+        binary_network()
+        if binary
+        else FloatNetwork(SPEC, generator=torch.Generator().manual_seed(0))
+    )
+    report = update(network, PolicyUpdate(epochs=40, batch=8, target=target))
+    assert report.loss_last < 0.5 * report.loss_first
+    assert not network.training
+
+
+def test_the_updated_network_folds_exactly_and_its_latent_weights_are_clipped() -> None:
+    network = binary_network()
+    update(network, PolicyUpdate(epochs=3, batch=8))
+    assert network.latent.abs().max() <= 1
+    blob = fold(network)
+    data = transitions()
+    P = preferences(network, data.gather(data.observations)).numpy()
+    frames = data.frames[data.observations[:, 0]].numpy()
+    for i, frame in enumerate(frames):
+        o = golden.forward(blob, frame)[-1].astype(np.float32)
+        assert np.array_equal(P[i], np.float32(blob.scale) * o)
+
+
+def test_progress_is_told_and_stop_is_asked_every_epoch() -> None:
+    seen: list[tuple[int, int]] = []
+    network = binary_network()
+    with pytest.raises(UpdateStopped, match="after 2 of 5"):
+        policy_update(
+            network,
+            make_optimizer(network, 1e-3),
+            transitions(),
+            PolicyUpdate(epochs=5, batch=8),
+            np.random.default_rng(0),
+            progress=lambda done, total: seen.append((done, total)),
+            stop=lambda: len(seen) == 2,
+        )
+    assert seen == [(1, 5), (2, 5)]
+
+
+def test_divergence_is_named() -> None:
+    network = binary_network()
+    network.log_scale.data.fill_(60.0)
+    with pytest.raises(DivergenceError, match="lower the learning rate"):
+        update(network, PolicyUpdate(epochs=2, batch=8))
+
+
+def test_saturated_targets_are_counted() -> None:
+    data = transitions()
+    data.rewards.fill_(-1000.0)
+    data.rewards[:10] = 0.0
+    network = binary_network()
+    report = policy_update(
+        network,
+        make_optimizer(network, 1e-3),
+        data,
+        PolicyUpdate(epochs=1, batch=8),
+        np.random.default_rng(0),
+    )
+    assert report.saturation == pytest.approx(20 / 30)
+    assert report.max_target > 900

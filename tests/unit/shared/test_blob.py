@@ -1,0 +1,116 @@
+import struct
+from dataclasses import replace
+from uuid import UUID
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from bpn_shared.bnn.blob import BlobError, WeightBlob, encoded_size
+from bpn_shared.bnn.spec import NetworkSpec
+
+specs = st.builds(
+    NetworkSpec,
+    channels=st.sampled_from([1, 3, 6]),
+    nodes=st.integers(1, 256),
+    actions=st.integers(2, 64),
+)
+blobs = st.builds(
+    lambda spec, seed, run, attempt, version: replace(
+        WeightBlob.random(spec, np.random.default_rng(seed)),
+        run=run,
+        attempt=attempt,
+        version=version,
+    ),
+    specs,
+    st.integers(0, 2**32),
+    st.uuids(),
+    st.integers(0, 2**32 - 1),
+    st.integers(0, 2**32 - 1),
+)
+SMALL = WeightBlob.random(NetworkSpec(1, 8, 4), np.random.default_rng(0))
+
+
+@given(blobs)
+def test_decode_returns_what_was_encoded(blob: WeightBlob) -> None:
+    decoded = WeightBlob.decode(blob.encode())
+    assert decoded.spec == blob.spec
+    assert (decoded.run, decoded.attempt, decoded.version) == (
+        blob.run,
+        blob.attempt,
+        blob.version,
+    )
+    assert decoded.scale == blob.scale
+    for ours, theirs in zip(
+        (*blob.weights, *blob.thresholds), (*decoded.weights, *decoded.thresholds), strict=True
+    ):
+        np.testing.assert_array_equal(ours, theirs)
+
+
+@given(blobs)
+def test_size_is_known_before(blob: WeightBlob) -> None:
+    assert len(blob.encode()) == encoded_size(blob.spec)
+
+
+def test_paper_sized_policy_is_eleven_kilobytes() -> None:
+    spec = NetworkSpec(6, 100, 17)
+    assert spec.weight_bits == 87_524  # independently: 3072 + 2048 + 2304 + 78400 + 1700
+    assert spec.macs == 1_587_684
+    assert 10_900 < encoded_size(spec) < 11_800
+
+
+@given(blobs, st.data())
+def test_any_flipped_bit_is_refused(blob: WeightBlob, data: st.DataObject) -> None:
+    encoded = bytearray(blob.encode())
+    bit = data.draw(st.integers(0, 8 * len(encoded) - 1))
+    encoded[bit // 8] ^= 1 << (bit % 8)
+    with pytest.raises(BlobError):
+        WeightBlob.decode(bytes(encoded))
+
+
+@given(st.integers(0, 2**31), st.binary(max_size=64))
+def test_truncated_and_oversized_are_refused(cut: int, extra: bytes) -> None:
+    encoded = SMALL.encode()
+    with pytest.raises(BlobError):
+        WeightBlob.decode(encoded[: cut % len(encoded)])
+    if extra:
+        with pytest.raises(BlobError, match="bytes, a blob with"):
+            WeightBlob.decode(encoded + extra)
+
+
+@given(st.binary(max_size=4096))
+def test_noise_is_refused(noise: bytes) -> None:
+    with pytest.raises(BlobError):
+        WeightBlob.decode(noise)
+
+
+def test_a_wrong_geometry_names_the_value() -> None:
+    header = struct.pack("<4sHHHH16sIIf", b"BPNW", 1, 1, 0, 4, bytes(16), 0, 0, 1.0)
+    with pytest.raises(BlobError, match="nodes = 0 is outside 1..1024"):
+        WeightBlob.decode(header + bytes(100))
+
+
+@pytest.mark.parametrize("scale", [0.0, -1.0, float("nan"), float("inf"), 1e-60])
+def test_a_scale_that_is_no_positive_float32_is_refused(scale: float) -> None:
+    with pytest.raises(BlobError, match="scale"):
+        replace(SMALL, scale=scale)
+
+
+def test_parts_of_another_geometry_are_refused() -> None:
+    with pytest.raises(BlobError, match="weights"):
+        replace(SMALL, weights=SMALL.weights[:-1])
+    with pytest.raises(BlobError, match="thresholds"):
+        replace(SMALL, thresholds=tuple(t.astype(np.int64) for t in SMALL.thresholds))
+    with pytest.raises(BlobError, match="other than -1 and \\+1"):
+        replace(SMALL, weights=(SMALL.weights[0] * 0, *SMALL.weights[1:]))
+
+
+@given(blobs, st.uuids())
+def test_content_digest_ignores_provenance_and_nothing_else(blob: WeightBlob, run: UUID) -> None:
+    assert replace(blob, run=run, attempt=1, version=2).content_sha256() == blob.content_sha256()
+    flipped = (-blob.weights[0], *blob.weights[1:])
+    assert replace(blob, weights=flipped).content_sha256() != blob.content_sha256()
+    raised = (*blob.thresholds[:-1], blob.thresholds[-1] + np.int32(1))
+    assert replace(blob, thresholds=raised).content_sha256() != blob.content_sha256()
+    assert replace(blob, scale=blob.scale * 2).content_sha256() != blob.content_sha256()

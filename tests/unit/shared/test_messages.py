@@ -1,0 +1,151 @@
+import zlib
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import msgpack
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from bpn_shared.messages.action import Action
+from bpn_shared.messages.base import MAX_CONTROL_BYTES, MessageError
+from bpn_shared.messages.control import Assignment, EpisodeReceipt, NextEpisode, Reset, ResetReply
+from bpn_shared.messages.episode import Episode, EpisodeMeta
+from bpn_shared.messages.frame import FrameHeader, FrameKind, decode_frame
+from bpn_shared.messages.metrics import MetricsBatch, Point
+from bpn_shared.tasks import task_named
+
+REACHING = task_named("reaching")
+u32, u64 = st.integers(0, 2**32 - 1), st.integers(0, 2**64 - 1)
+headers = st.builds(
+    FrameHeader, st.sampled_from(FrameKind), u32, u32, u32, u64, u64, st.integers(0, 255), u32, u32,
+    st.just(1),
+)  # fmt: skip
+actions = st.builds(Action, st.integers(0, 13), u32, u32, u64, u32, u32)
+
+
+def make_episode(steps: int = 3, seed: int = 0, **changes: Any) -> Episode:
+    rng = np.random.default_rng(seed)
+    meta = EpisodeMeta(
+        iteration=0, episode=0, seed=1, slot=0, worker="edge-0", weights_attempt=1,
+        weights_version=0, failed=False, deadline_misses=0, duration_ns=1,
+    )  # fmt: skip
+    return Episode(
+        meta=meta.model_copy(update=changes),
+        frames=rng.integers(0, 256, (steps + 1, *REACHING.frame_shape), dtype=np.uint8),
+        actions=rng.integers(0, REACHING.actions, steps, dtype=np.uint8),
+        outputs=rng.integers(-100, 100, (steps, REACHING.actions), dtype=np.int32),
+        inference_ns=rng.integers(0, 10**6, steps, dtype=np.uint32),
+        camera_to_action_ns=rng.integers(0, 10**6, steps, dtype=np.uint32),
+    )
+
+
+EPISODE = make_episode()
+MESSAGES = [
+    Reset(iteration=1, episode=2, seed=3, reset_id=4),
+    ResetReply(reset_id=2**64 - 1),
+    NextEpisode(slot=0, worker="edge-1a"),
+    Assignment(verdict="play", iteration=1, episode=2, seed=3, weights_version=1),
+    EpisodeReceipt(verdict="refused", reason="no"),
+    MetricsBatch(points=[Point(name="loss", step=1, value=0.5, time_ns=1)]),
+]
+DECODERS: list[tuple[bytes, Callable[[bytes], object]]] = [
+    *((message.encode(), type(message).decode) for message in MESSAGES),
+    (EPISODE.encode(), lambda data: Episode.decode(data, REACHING)),
+    (FrameHeader(FrameKind.MID, 1, 2, 3, 4, 5).encode(), FrameHeader.decode),
+    (Action(1, 2, 3, 4, 5, 6).encode(), lambda data: Action.decode(data, 14)),
+]
+
+
+@given(headers, actions)
+def test_structs_survive_the_wire(header: FrameHeader, action: Action) -> None:
+    assert FrameHeader.decode(header.encode()) == header
+    assert Action.decode(action.encode(), 14) == action
+
+
+@pytest.mark.parametrize("message", MESSAGES, ids=lambda message: type(message).__name__)
+def test_maps_survive_the_wire(message: Any) -> None:
+    assert type(message).decode(message.encode()) == message
+
+
+@given(st.integers(1, 8), st.integers(0, 2**32))
+def test_episodes_survive_the_wire(steps: int, seed: int) -> None:
+    episode = make_episode(steps, seed)
+    decoded = Episode.decode(episode.encode(), REACHING)
+    assert decoded.meta == episode.meta
+    for name in ("frames", "actions", "outputs", "inference_ns", "camera_to_action_ns"):
+        np.testing.assert_array_equal(getattr(decoded, name), getattr(episode, name))
+
+
+@settings(max_examples=300)
+@given(st.sampled_from(DECODERS), st.data())
+def test_no_damage_does_more_than_raise_message_error(
+    encoded_and_decoder: tuple[bytes, Callable[[bytes], object]], data: st.DataObject
+) -> None:
+    encoded, decode = encoded_and_decoder
+    kind = data.draw(st.sampled_from(["truncate", "extend", "flip", "noise"]))
+    damaged = bytearray(encoded)
+    if kind == "truncate":
+        damaged = damaged[: data.draw(st.integers(0, len(encoded) - 1))]
+    elif kind == "extend":
+        damaged += data.draw(st.binary(min_size=1, max_size=32))
+    elif kind == "noise":
+        damaged = bytearray(data.draw(st.binary(max_size=512)))
+    else:
+        position = data.draw(st.integers(0, len(encoded) - 1))
+        damaged[position] ^= data.draw(st.integers(1, 255))
+    try:
+        decode(bytes(damaged))
+    except MessageError:
+        return
+    # a changed value may still be a valid message; a changed length never is
+    assert kind in ("flip", "noise")
+
+
+@given(st.binary(max_size=100))
+def test_a_frame_of_another_size_is_refused(extra: bytes) -> None:
+    header = FrameHeader(FrameKind.MID, 0, 0, 0, 0, 0).encode()
+    with pytest.raises(MessageError, match=r"the task's frames \[1, 84, 84\] have 7056 bytes"):
+        decode_frame(header, bytes(7057) + extra, REACHING.frame_shape)
+
+
+def test_an_action_that_the_task_does_not_have_is_refused() -> None:
+    with pytest.raises(MessageError, match=r"14 is outside 0\.\.13"):
+        Action.decode(Action(14, 0, 0, 0, 0, 0).encode(), 14)
+
+
+def test_another_schema_is_refused_by_name() -> None:
+    newer = msgpack.packb({**msgpack.unpackb(MESSAGES[0].encode()), "schema": 2})
+    with pytest.raises(MessageError, match="schema 2, this program reads 1"):
+        Reset.decode(newer)
+
+
+def test_unknown_and_out_of_range_fields_are_refused_by_name() -> None:
+    fields = msgpack.unpackb(MESSAGES[0].encode())
+    with pytest.raises(MessageError, match="colour"):
+        Reset.decode(msgpack.packb({**fields, "colour": 1}))
+    with pytest.raises(MessageError, match="iteration"):
+        Reset.decode(msgpack.packb({**fields, "iteration": -1}))
+
+
+def test_oversized_input_is_refused_before_it_is_parsed() -> None:
+    with pytest.raises(MessageError, match="the limit is"):
+        Reset.decode(bytes(MAX_CONTROL_BYTES + 1))
+
+
+def test_a_decompression_bomb_is_refused_without_inflating_it() -> None:
+    fields = msgpack.unpackb(EPISODE.encode())
+    fields["frames"] = zlib.compress(bytes(200 * 1024 * 1024), level=9)  # 200 MB in 200 KB
+    with pytest.raises(MessageError, match="not the 28224 bytes"):
+        Episode.decode(msgpack.packb(fields), REACHING)
+
+
+def test_an_episode_whose_arrays_do_not_fit_is_refused() -> None:
+    short = replace(EPISODE, actions=EPISODE.actions[:-1])
+    with pytest.raises(MessageError, match="frames"):
+        Episode.decode(short.encode(), REACHING)
+    wild = replace(EPISODE, actions=np.full(3, 14, np.uint8))
+    with pytest.raises(MessageError, match=r"action 14 is outside 0\.\.13"):
+        Episode.decode(wild.encode(), REACHING)

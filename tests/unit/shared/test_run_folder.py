@@ -1,0 +1,56 @@
+from pathlib import Path
+from uuid import UUID
+
+import pytest
+
+from bpn_shared.config import ConfigError, RunConfig
+from bpn_shared.run_folder import RunFolder, write_atomically
+
+RUNS = [UUID(int=0x1234 << 112 | 1), UUID(int=0x1235 << 112 | 2)]
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> RunFolder:
+    return RunFolder.create(tmp_path, RUNS[0], RunConfig(seed=7))
+
+
+def test_a_run_is_found_by_the_end_or_beginning_of_its_id(folder: RunFolder, tmp_path: Path) -> None:
+    RunFolder.create(tmp_path, RUNS[1], RunConfig())
+    assert RunFolder.open(tmp_path, "1234").run == folder.run
+    assert RunFolder.open(tmp_path, str(RUNS[1])).run == RUNS[1]
+    with pytest.raises(ConfigError, match="2 runs in"):
+        RunFolder.open(tmp_path, "123")
+    with pytest.raises(ConfigError, match="no run in"):
+        RunFolder.open(tmp_path, "nothing")
+
+
+def test_the_configuration_is_kept(folder: RunFolder) -> None:
+    assert folder.config() == RunConfig(seed=7)
+    (folder.path / "config.json").write_text('{"alpha": 2}')
+    with pytest.raises(ConfigError, match=r"config\.json: alpha = 2: .*less than or equal to 1"):
+        folder.config()
+
+
+def test_attempts_count_owners(folder: RunFolder) -> None:
+    assert folder.state().attempt == 0
+    assert folder.set_state("running", new_attempt=True).attempt == 1
+    assert folder.set_state("stopped").attempt == 1
+    assert folder.set_state("running", new_attempt=True).attempt == 2
+    assert folder.state().created_unix_s <= folder.state().updated_unix_s
+
+
+def test_a_line_cut_by_a_crash_is_left_out_and_the_later_record_counts(folder: RunFolder) -> None:
+    folder.append_metrics({"iteration": 0, "return_px": -3.0})
+    with (folder.path / "metrics.jsonl").open("a") as file:
+        file.write('{"iteration": 1, "retu')
+    folder.append_metrics({"iteration": 1, "return_px": -2.0})
+    folder.append_metrics({"iteration": 1, "return_px": -1.0})
+    assert [record["return_px"] for record in folder.metrics()] == [-3.0, -1.0]
+
+
+def test_replacing_a_file_leaves_the_old_one_if_it_cannot_finish(tmp_path: Path) -> None:
+    path = tmp_path / "file"
+    write_atomically(path, b"old")
+    with pytest.raises(TypeError):
+        write_atomically(path, "not bytes")  # type: ignore[arg-type]
+    assert path.read_bytes() == b"old"
