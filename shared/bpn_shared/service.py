@@ -1,5 +1,6 @@
 """What every service does alike: logging, signals, counters, and saying what it waits for."""
 
+import ctypes
 import json
 import logging
 import os
@@ -11,6 +12,11 @@ from collections import Counter
 from collections.abc import Callable
 
 log = logging.getLogger(__name__)
+
+SUPERVISOR_PID = "BPN_SUPERVISOR_PID"
+"""Environment variable: the process without which a service shall not run."""
+
+_PR_SET_PDEATHSIG = 1
 
 
 def set_up_logging(service: str) -> None:
@@ -34,6 +40,16 @@ def stop_on_signals() -> threading.Event:
     signal.signal(signal.SIGINT, handle)
     signal.signal(signal.SIGTERM, handle)
     return stop
+
+
+def end_with_supervisor() -> None:
+    """Asks the kernel for SIGTERM when the supervisor that started this process is gone (Linux)."""
+    supervisor = os.environ.get(SUPERVISOR_PID)
+    if supervisor is None:
+        return
+    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
+    if os.getppid() != int(supervisor):  # it died before we asked
+        os.kill(os.getpid(), signal.SIGTERM)
 
 
 def new_worker_id(kind: str) -> str:

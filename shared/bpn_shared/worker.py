@@ -1,10 +1,7 @@
 """The frame of a worker that is told its place by flags: robot and edge start, wait and stop alike."""
 
 import argparse
-import ctypes
 import logging
-import os
-import signal
 import threading
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -18,6 +15,7 @@ from bpn_shared.config import ConfigError, RunConfig
 from bpn_shared.service import (
     Counters,
     Waiting,
+    end_with_supervisor,
     health_report,
     new_worker_id,
     set_up_logging,
@@ -27,9 +25,7 @@ from bpn_shared.service import (
 log = logging.getLogger(__name__)
 
 EXIT_FINISHED, EXIT_FAILED, EXIT_UNRECOVERABLE = 0, 1, 2
-SUPERVISOR_PID = "BPN_SUPERVISOR_PID"
 _ASK_AGAIN_S = 0.1
-_PR_SET_PDEATHSIG = 1
 
 
 @dataclass(frozen=True)
@@ -125,13 +121,3 @@ def fetch_config(worker: Worker) -> RunConfig | None:
         worker.waiting.done()
         return RunConfig.from_json(answer, source="the learner's configuration")
     return None
-
-
-def end_with_supervisor() -> None:
-    """Asks the kernel for SIGTERM when the supervisor that started this process is gone (Linux)."""
-    supervisor = os.environ.get(SUPERVISOR_PID)
-    if supervisor is None:
-        return
-    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
-    if os.getppid() != int(supervisor):  # it died before we asked
-        os.kill(os.getpid(), signal.SIGTERM)

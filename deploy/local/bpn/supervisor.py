@@ -14,7 +14,8 @@ from typing import IO
 from uuid import UUID
 
 from bpn_shared.config import RunConfig
-from bpn_shared.worker import EXIT_FINISHED, EXIT_UNRECOVERABLE, SUPERVISOR_PID
+from bpn_shared.service import SUPERVISOR_PID
+from bpn_shared.worker import EXIT_FINISHED, EXIT_UNRECOVERABLE
 
 log = logging.getLogger(__name__)
 

@@ -27,12 +27,12 @@ typename Isa::Counts count_block(const uint64_t* x, const WordBlock* weights, in
   return counts;
 }
 
-// Conv2 and conv3 over a bit map, PixelBytes per pixel: a byte of the output for each block of channels.
-// A patch's kernel rows are packed into words as many as fit whole. Reads up to 8 bytes past a row's bits.
-template <class Isa, int OutSize, int Kernel, int Stride, int InSize, int Outputs, int Words>
+// Conv2 and conv3, from one bit map to the next. A patch takes as many whole kernel rows per word as fit; each
+// row is read as 8 bytes, of which the patch's are kept.
+template <class Isa, int InSize, int InChannels, int Kernel, int Stride, int OutSize, int Outputs, int Words>
 void bit_convolution(const BitLayer<Outputs, Words>& layer, const uint8_t* in, uint8_t* out) {
   constexpr int kBlocks = Outputs / kBlock;
-  constexpr int kPixelBytes = OutSize == kConv2Size ? kConv1Outputs / 8 : kConv2Outputs / 8;
+  constexpr int kPixelBytes = InChannels / 8;
   constexpr int kRowBits = Kernel * kPixelBytes * 8;
   constexpr int kRowsPerWord = Kernel / Words;
   for (int y = 0; y < OutSize; ++y)
@@ -53,12 +53,13 @@ void bit_convolution(const BitLayer<Outputs, Words>& layer, const uint8_t* in, u
 template <class Isa>
 void forward(const PackedNetwork& net, const uint8_t* observation, Activations& out) {
   conv1<Isa>(net.conv1, observation, out.conv1);
-  bit_convolution<Isa, kConv2Size, kConv2Kernel, kConv2Stride, kConv1Size>(net.conv2, out.conv1, out.conv2);
+  bit_convolution<Isa, kConv1Size, kConv1Outputs, kConv2Kernel, kConv2Stride, kConv2Size>(
+      net.conv2, out.conv1, out.conv2);
   out.conv3[kFeatureWords - 1] = 0;  // the padding of the last word
-  bit_convolution<Isa, kConv3Size, kConv3Kernel, 1, kConv2Size>(
+  bit_convolution<Isa, kConv2Size, kConv2Outputs, kConv3Kernel, 1, kConv3Size>(
       net.conv3, out.conv2, reinterpret_cast<uint8_t*>(out.conv3));
 
-  out.fc1[net.fc2.words - 1] = 0;
+  out.fc1[net.fc2.words - 1] = 0;  // as above
   for (int b = 0; b < net.fc1.blocks; ++b)
     reinterpret_cast<uint8_t*>(out.fc1)[b] =
         Isa::at_most(count_block<Isa>(out.conv3, net.fc1.weights[b], kFeatureWords), net.fc1.limits[b]);

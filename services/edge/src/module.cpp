@@ -8,6 +8,7 @@
 #include <array>
 #include <memory>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "paths.h"
@@ -30,7 +31,8 @@ Result fresh_array(std::unique_ptr<Value[]> values, size_t size) {
   return Result(data, {size}, nb::capsule(data, [](void* p) noexcept { delete[] static_cast<Value*>(p); }));
 }
 
-Bits unpacked(const uint8_t* bytes, int count) {
+Bits unpacked(const void* map, int count) {
+  const auto* bytes = static_cast<const uint8_t*>(map);
   std::unique_ptr<uint8_t[]> bits(new uint8_t[count]);
   for (int i = 0; i < count; ++i) bits[i] = bytes[i / 8] >> (i % 8) & 1;
   return fresh_array<Bits>(std::move(bits), count);
@@ -78,9 +80,9 @@ class Network {
   nb::tuple trace(const Array& observation) const {
     Activations a;
     compute(observation, a);
-    return nb::make_tuple(unpacked(a.conv1, sizeof a.conv1 * 8), unpacked(a.conv2, sizeof a.conv2 * 8),
-                          unpacked(a.conv3, sizeof a.conv3 * 8), unpacked(a.fc1, packed_->fc1.outputs),
-                          outputs(a));
+    return nb::make_tuple(unpacked(a.conv1, kConv1Size * kConv1Size * kConv1Outputs),
+                          unpacked(a.conv2, kConv2Size * kConv2Size * kConv2Outputs),
+                          unpacked(a.conv3, kFeatures), unpacked(a.fc1, packed_->fc1.outputs), outputs(a));
   }
 
  private:

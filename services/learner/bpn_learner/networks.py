@@ -16,6 +16,7 @@ from bpn_learner.binarize import sign
 from bpn_shared.bnn.spec import MAX_PIXEL, Layer, NetworkSpec
 
 BATCH_NORM_EPSILON = 1e-5
+LATENT_INITIAL = 0.1  # small against the clip at 1: early on, signs are free to flip
 
 
 class PNetwork(nn.Module):
@@ -53,7 +54,7 @@ class BinaryNetwork(PNetwork):
     Args:
         spec: geometry.
         scale_initial: lambda at the start, above 0.
-        generator: draws the latent weights, uniform in [-1, 1).
+        generator: draws the latent weights, uniform in +-LATENT_INITIAL.
     """
 
     mean: Tensor
@@ -66,8 +67,10 @@ class BinaryNetwork(PNetwork):
         self._weight_sizes = [layer.out_channels * layer.fan_in for layer in spec.layers]
         self._norm_sizes = [layer.out_channels for layer in spec.layers[:-1]]
         channels = sum(self._norm_sizes)
-        latent = torch.empty(spec.weight_bits).uniform_(-1, 1, generator=generator)
-        self.latent = nn.Parameter(latent)
+        latent = torch.empty(spec.weight_bits)
+        self.latent = nn.Parameter(
+            latent.uniform_(-LATENT_INITIAL, LATENT_INITIAL, generator=generator)
+        )
         self.gamma = nn.Parameter(torch.ones(channels))
         self.beta = nn.Parameter(torch.zeros(channels))
         self.log_scale = nn.Parameter(torch.tensor(float(scale_initial)).log())

@@ -11,8 +11,7 @@ import time
 import zenoh
 
 from bpn_shared.bus.session import DEFAULT_ENDPOINT, Bus
-from bpn_shared.service import set_up_logging, stop_on_signals
-from bpn_shared.worker import end_with_supervisor
+from bpn_shared.service import end_with_supervisor, set_up_logging, stop_on_signals
 
 PING, PONG = "bpn/echo/ping", "bpn/echo/pong"
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import zenoh
 
 from bpn_shared.bus.session import DEFAULT_ENDPOINT
-from bpn_shared.service import set_up_logging, stop_on_signals
+from bpn_shared.service import end_with_supervisor, set_up_logging, stop_on_signals
 
 log = logging.getLogger("bpn_router")
 
@@ -34,6 +34,7 @@ def main(argv: list[str] | None = None) -> int:
     options = parser.parse_args(argv)
     set_up_logging("router")
     stop = stop_on_signals()
+    end_with_supervisor()
     try:
         with open_router(options.listen, options.config):
             log.info("router listens at %s", options.listen)

@@ -192,6 +192,17 @@ def test_the_updated_network_folds_exactly_and_its_latent_weights_are_clipped() 
         assert np.array_equal(P[i], np.float32(blob.scale) * o)
 
 
+def test_batch_norm_is_estimated_anew_over_d() -> None:
+    network = binary_network()
+    update(network, PolicyUpdate(epochs=3, batch=8))
+    data = transitions()
+    integers = network.integers(data.gather(data.observations).float())[:-1]
+    mean = torch.cat([o.double().mean(dim=(0, 2, 3)) for o in integers])
+    var = torch.cat([o.double().var(dim=(0, 2, 3), correction=0) for o in integers])
+    assert torch.allclose(network.mean, mean)
+    assert torch.allclose(network.var, var)
+
+
 def test_progress_is_told_and_stop_is_asked_every_epoch() -> None:
     seen: list[tuple[int, int]] = []
     network = binary_network()

@@ -14,7 +14,9 @@ def folder(tmp_path: Path) -> RunFolder:
     return RunFolder.create(tmp_path, RUNS[0], RunConfig(seed=7))
 
 
-def test_a_run_is_found_by_the_end_or_beginning_of_its_id(folder: RunFolder, tmp_path: Path) -> None:
+def test_a_run_is_found_by_the_end_or_beginning_of_its_id(
+    folder: RunFolder, tmp_path: Path
+) -> None:
     RunFolder.create(tmp_path, RUNS[1], RunConfig())
     assert RunFolder.open(tmp_path, "1234").run == folder.run
     assert RunFolder.open(tmp_path, str(RUNS[1])).run == RUNS[1]

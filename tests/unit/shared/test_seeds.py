@@ -11,7 +11,10 @@ counts = st.integers(0, 2**31)
 @given(runs, counts, counts)
 def test_seeds_are_functions_of_where_they_are_used(run: int, i: int, e: int) -> None:
     assert episode_seed(run, i, e) == episode_seed(run, i, e)
-    assert len({episode_seed(run, i, e), episode_seed(run, i, e + 1), episode_seed(run + 1, i, e)}) == 3
+    assert (
+        len({episode_seed(run, i, e), episode_seed(run, i, e + 1), episode_seed(run + 1, i, e)})
+        == 3
+    )
     assert 0 <= episode_seed(run, i, e) < 2**64
 
 

@@ -46,7 +46,10 @@ def run(rounds: int = ROUNDS) -> dict[str, Any]:
     return {
         "rounds": rounds,
         "steps": sum(result["transitions"] for result in measured),
-        "camera_to_action_us": {"p50": loop_p50, "p99": median("loop", "camera_to_action_us", "p99")},
+        "camera_to_action_us": {
+            "p50": loop_p50,
+            "p99": median("loop", "camera_to_action_us", "p99"),
+        },
         "echo_us": {"p50": echo_p50, "p99": median("echo_us", "p99")},
         "ratio_to_echo": round(
             statistics.median(
@@ -118,7 +121,9 @@ def main(*, as_json: bool) -> int:
 
 
 def _print(result: dict[str, Any]) -> None:
-    table = Table("what", "p50", "p99", title=f"{result['steps']} steps in {result['rounds']} rounds")
+    table = Table(
+        "what", "p50", "p99", title=f"{result['steps']} steps in {result['rounds']} rounds"
+    )
     for name in ("camera_to_action_us", "echo_us"):
         table.add_row(name, *(f"{result[name][key]:.0f}" for key in ("p50", "p99")))
     table.add_row("ratio_to_echo", f"{result['ratio_to_echo']:.2f}", "")

@@ -1,0 +1,54 @@
+# The two commands that everyone needs: `make up` and `make test`. Both set up what is missing first.
+
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+INSTALLED := $(VENV)/.installed
+PIP_INSTALL := $(BIN)/python -m pip install --disable-pip-version-check -q -c constraints.txt
+PACKAGES := shared services/edge services/learner services/robot_sim deploy/local
+SOURCES := $(PACKAGES:%=%/bpn*)
+
+.DEFAULT_GOAL := help
+.PHONY: help up test lint format bench learning doctor clean
+
+help:            ## this list
+	@grep -hE '^[a-z-]+: .*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 12
+
+up: $(INSTALLED) ## start everything with the default run
+	$(BIN)/bpn up
+
+test: lint       ## lint, then every test that takes seconds, then those that take minutes
+	$(BIN)/pytest tests
+
+lint: $(INSTALLED) ## ruff, mypy --strict, import-linter
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy -p bpn_shared -p bpn_edge -p bpn_learner -p bpn_robot_sim -p bpn
+	$(BIN)/lint-imports --no-logo
+
+format: $(INSTALLED) ## write code as ruff wants it
+	$(BIN)/ruff check --fix .
+	$(BIN)/ruff format .
+
+bench: $(INSTALLED) ## kernel and loop, side by side with what they are measured against
+	$(BIN)/bpn bench kernel
+	$(BIN)/bpn bench loop
+
+learning: $(INSTALLED) ## the paper's reaching run on three seeds (about 15 minutes), with the plot in docs
+	$(BIN)/python bench/learning_curve.py
+
+doctor: $(INSTALLED) ## what this machine has, for bug reports
+	$(BIN)/bpn doctor
+
+clean:           ## remove what `make` installed and built; runs stay
+	rm -rf $(VENV) services/edge/build services/edge/bpn_edge/kernel/*.so
+
+# The compiled kernel is part of the editable install, so its sources are among the prerequisites.
+$(INSTALLED): constraints.txt pyproject.toml $(PACKAGES:%=%/pyproject.toml) \
+              services/edge/CMakeLists.txt $(wildcard services/edge/src/*)
+	sh deploy/local/check-system.sh $(PYTHON)
+	$(PYTHON) -m venv $(VENV)
+	$(PIP_INSTALL) pip
+	$(PIP_INSTALL) --group build
+	$(PIP_INSTALL) --group dev --no-build-isolation $(PACKAGES:%=-e %) -e 'deploy/local[bench]'
+	touch $@

@@ -1,0 +1,129 @@
+"""The same network in float32, in the runtimes that the kernel is measured against."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Self
+
+import numpy as np
+import numpy.typing as npt
+
+from bpn_shared.bnn.spec import NetworkSpec
+
+Floats = npt.NDArray[np.float32]
+_OPSET = 17
+_IR_VERSION = 10  # onnxruntime reads older models, and refuses those of a newer onnx
+
+
+@dataclass(frozen=True)
+class FloatNetwork:
+    """Weights float32[out, in, kernel, kernel] (fully connected: [out, in]) and biases float32[out]."""
+
+    spec: NetworkSpec
+    weights: tuple[Floats, ...]
+    biases: tuple[Floats, ...]
+
+    @classmethod
+    def random(cls, spec: NetworkSpec, rng: np.random.Generator) -> Self:
+        """Weights that keep the activations near 1 for pixels up to 255."""
+        weights, biases = [], []
+        for index, layer in enumerate(spec.layers):
+            shape = (layer.out_channels, layer.in_channels, layer.kernel, layer.kernel)
+            if index >= len(spec.layers) - 2:
+                shape = (layer.out_channels, layer.fan_in)  # type: ignore[assignment]
+            scale = np.sqrt(2 / layer.fan_in) / layer.max_input
+            weights.append((rng.standard_normal(shape) * scale).astype(np.float32))
+            biases.append((rng.standard_normal(layer.out_channels) * 0.1).astype(np.float32))
+        return cls(spec, tuple(weights), tuple(biases))
+
+
+def _missing(error: ImportError, extra: str) -> RuntimeError:
+    return RuntimeError(f"{error.name} is not installed: pip install {extra}")
+
+
+def onnxruntime_inference(network: FloatNetwork, pixels: Floats) -> Callable[[], Floats]:
+    """One inference of `pixels` float32[1, C, 84, 84] in ONNX Runtime with one thread."""
+    try:
+        import onnxruntime  # noqa: PLC0415
+    except ImportError as error:
+        raise _missing(error, "'bpn[bench]'") from error
+    options = onnxruntime.SessionOptions()
+    options.intra_op_num_threads = options.inter_op_num_threads = 1
+    session = onnxruntime.InferenceSession(
+        _onnx_model(network), options, providers=["CPUExecutionProvider"]
+    )
+    feed = {"pixels": pixels}
+
+    def infer() -> Floats:
+        outputs: Floats = session.run(None, feed)[0]
+        return outputs
+
+    return infer
+
+
+def _onnx_model(network: FloatNetwork) -> bytes:
+    try:
+        from onnx import TensorProto, helper, numpy_helper  # noqa: PLC0415
+    except ImportError as error:
+        raise _missing(error, "'bpn[bench]'") from error
+    nodes: list[Any] = []
+    constants: list[Any] = []
+    value = "pixels"
+    last = len(network.spec.layers) - 1
+    for index, layer in enumerate(network.spec.layers):
+        constants.append(numpy_helper.from_array(network.weights[index], f"w{index}"))
+        constants.append(numpy_helper.from_array(network.biases[index], f"b{index}"))
+        if network.weights[index].ndim == 2 and len(network.weights[index - 1].shape) == 4:
+            nodes.append(helper.make_node("Flatten", [value], ["features"]))
+            value = "features"
+        inputs, output = [value, f"w{index}", f"b{index}"], f"o{index}"
+        if network.weights[index].ndim == 4:
+            nodes.append(helper.make_node("Conv", inputs, [output], strides=[layer.stride] * 2))
+        else:
+            nodes.append(helper.make_node("Gemm", inputs, [output], transB=1))
+        value = output
+        if index < last:
+            value = f"x{index}"
+            nodes.append(helper.make_node("Relu", [output], [value]))
+    graph = helper.make_graph(
+        nodes,
+        "policy",
+        [
+            helper.make_tensor_value_info(
+                "pixels", TensorProto.FLOAT, [1, *network.spec.observation_shape]
+            )
+        ],
+        [helper.make_tensor_value_info(value, TensorProto.FLOAT, [1, network.spec.actions])],
+        constants,
+    )
+    model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", _OPSET)])
+    model.ir_version = _IR_VERSION
+    encoded: bytes = model.SerializeToString()
+    return encoded
+
+
+def torch_inference(network: FloatNetwork, pixels: Floats) -> Callable[[], Floats]:
+    """One inference of `pixels` float32[1, C, 84, 84] in eager torch with one thread."""
+    try:
+        import torch  # noqa: PLC0415
+    except ImportError as error:
+        raise _missing(error, "bpn-learner") from error
+    torch.set_num_threads(1)
+    functional = torch.nn.functional
+    x = torch.from_numpy(pixels)
+    layers = [
+        (torch.from_numpy(weights), torch.from_numpy(biases), layer.stride)
+        for weights, biases, layer in zip(
+            network.weights, network.biases, network.spec.layers, strict=True
+        )
+    ]
+
+    @torch.inference_mode()
+    def infer() -> Floats:
+        value = x
+        for weights, biases, stride in layers[:3]:
+            value = functional.relu(functional.conv2d(value, weights, biases, stride))
+        hidden = functional.relu(functional.linear(value.flatten(1), *layers[3][:2]))
+        outputs: Floats = functional.linear(hidden, *layers[4][:2]).numpy()
+        return outputs
+
+    return infer

@@ -1,0 +1,56 @@
+import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+
+from bpn_edge.recorder import EpisodeRecorder
+from bpn_shared.messages.control import Assignment
+from bpn_shared.messages.frame import NO_ACTION, FrameHeader, FrameKind
+from bpn_shared.observation import frame_indices, stack
+from bpn_shared.tasks import task_named
+
+TASK = task_named("reaching")
+
+
+@given(st.lists(st.integers(0, 13), min_size=1, max_size=30), st.booleans(), st.integers(0, 2**32))
+def test_an_episode_holds_what_was_seen_done_and_computed(
+    actions: list[int], failed: bool, seed: int
+) -> None:
+    rng = np.random.default_rng(seed)
+    frames = rng.integers(0, 256, (len(actions) + 1, *TASK.frame_shape), dtype=np.uint8)
+    outputs = rng.integers(-100, 100, (len(actions), TASK.actions), dtype=np.int32)
+    recorder = EpisodeRecorder(TASK)
+    for step, frame in enumerate(frames):
+        assert recorder.next_step == step
+        kind = FrameKind.FIRST if step == 0 else FrameKind.MID
+        if step == len(actions):
+            kind = FrameKind.FAILED if failed else FrameKind.LAST
+        applied = NO_ACTION if step == 0 else actions[step - 1]
+        recorder.add_frame(
+            FrameHeader(kind, 4, 2, step, 9, 0, applied, step * 10, step // 2), frame, 1000 + step
+        )
+        np.testing.assert_array_equal(recorder.observation(), frame)
+        if step < len(actions):
+            recorder.add_outputs(outputs[step], step)
+    assignment = Assignment(
+        verdict="play", iteration=4, episode=2, seed=5, weights_attempt=1, weights_version=4
+    )
+    episode = recorder.finish(assignment, slot=3, worker="edge-3", weights_attempt=1)
+    np.testing.assert_array_equal(episode.frames, frames)
+    np.testing.assert_array_equal(episode.outputs, outputs)
+    assert episode.actions.tolist() == actions
+    assert episode.camera_to_action_ns.tolist() == [10 * t for t in range(1, len(actions) + 1)]
+    assert episode.meta.failed == failed
+    assert episode.meta.deadline_misses == len(actions) // 2
+    assert episode.meta.duration_ns == len(actions)
+
+
+@given(st.integers(0, 50), st.integers(1, 6))
+def test_an_observation_is_the_last_frames_with_the_first_one_repeated(step: int, n: int) -> None:
+    indices = frame_indices(step, n)
+    assert len(indices) == n
+    assert indices[-1] == step
+    assert indices == sorted(indices)
+    padded = [0] * n + list(range(step + 1))  # as if the first frame had always been there
+    assert indices == padded[-n:]
+    frames = [np.full((2, 84, 84), t, np.uint8) for t in range(step + 1)]
+    assert stack(frames, step, n)[:, 0, 0].tolist() == [t for t in indices for _ in range(2)]
