@@ -4,6 +4,7 @@ import ctypes
 import json
 import logging
 import os
+import queue
 import signal
 import threading
 import time
@@ -29,16 +30,26 @@ def set_up_logging(service: str) -> None:
 
 
 def stop_on_signals() -> threading.Event:
-    """An event that SIGINT and SIGTERM set; a second signal ends the process at once."""
+    """An event that SIGINT and SIGTERM set; a second SIGINT ends the process at once.
+
+    The handler only puts into a SimpleQueue, whose `put` is reentrant. Setting the event in it could
+    deadlock: it runs between two bytecodes of the main thread, which may hold the event's lock just then.
+    """
     stop = threading.Event()
+    signals: queue.SimpleQueue[int] = queue.SimpleQueue()
 
-    def handle(number: int, _frame: object) -> None:
-        if stop.is_set():
-            os._exit(128 + number)
-        stop.set()
+    def watch() -> None:
+        interrupts = 0
+        while True:
+            number = signals.get()
+            stop.set()
+            interrupts += number == signal.SIGINT
+            if interrupts > 1:
+                os._exit(128 + number)
 
-    signal.signal(signal.SIGINT, handle)
-    signal.signal(signal.SIGTERM, handle)
+    threading.Thread(target=watch, name="signals", daemon=True).start()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda received, _frame: signals.put(received))
     return stop
 
 

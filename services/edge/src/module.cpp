@@ -149,6 +149,7 @@ std::vector<std::string> available_paths() {
 }  // namespace bpn
 
 NB_MODULE(_native, module) {
+  nb::set_leak_warnings(false);  // a kernel that is still held when the interpreter ends is no leak
   module.def("available_paths", &bpn::available_paths);
   nb::class_<bpn::Network>(module, "Network")
       .def(nb::init<const std::string&, int, const std::array<bpn::Signs, bpn::kLayers>&,

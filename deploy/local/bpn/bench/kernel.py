@@ -9,8 +9,9 @@ import json
 import os
 import statistics
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from importlib.metadata import version
 from time import perf_counter_ns
 from typing import Any
@@ -22,6 +23,7 @@ from rich.table import Table
 
 from bpn.bench.machine import machine
 from bpn.bench.peers import FloatNetwork, onnxruntime_inference, torch_inference
+from bpn_edge.kernel import Kernel
 from bpn_edge.kernel.golden import GoldenKernel
 from bpn_edge.kernel.native import NativeKernel, available_paths
 from bpn_shared.bnn import golden
@@ -54,22 +56,18 @@ def run(repeats: int = ROUNDS) -> dict[str, Any]:
     rng = np.random.default_rng(0)
     for path in available_paths():
         _check_exactness(path, rng)
-    load_before = machine()
+    measured_on = machine()  # its load before the measurement adds its own
     with _one_core():
         candidates = _candidates(rng)
         rounds = [
             {name: _time_us(call) for name, call in candidates.items()} for _ in range(repeats)
         ]
     native = f"native {available_paths()[0]}"
-
-    def median(of: Callable[[dict[str, dict[str, float]]], float]) -> float:
-        return round(statistics.median(of(times) for times in rounds), 2)
-
     results = {
         name: {
-            "p50_us": median(lambda times, name=name: times[name]["p50"]),  # type: ignore[misc]
-            "p99_us": median(lambda times, name=name: times[name]["p99"]),  # type: ignore[misc]
-            "ratio": median(lambda times, name=name: times[name]["p50"] / times[native]["p50"]),  # type: ignore[misc]
+            "p50_us": _median(times[name]["p50"] for times in rounds),
+            "p99_us": _median(times[name]["p99"] for times in rounds),
+            "ratio": _median(times[name]["p50"] / times[native]["p50"] for times in rounds),
         }
         for name in candidates
     }
@@ -81,8 +79,12 @@ def run(repeats: int = ROUNDS) -> dict[str, Any]:
         "speedup_over_onnxruntime": results["onnxruntime float32"]["ratio"],
         "target_speedup": TARGET_SPEEDUP,
         "versions": {name: version(name) for name in ("numpy", "onnxruntime", "torch")},
-        "machine": load_before,
+        "machine": measured_on,
     }
+
+
+def _median(values: Iterable[float]) -> float:
+    return round(statistics.median(values), 2)
 
 
 def _check_exactness(path: str, rng: np.random.Generator) -> None:
@@ -98,21 +100,18 @@ def _check_exactness(path: str, rng: np.random.Generator) -> None:
 
 def _candidates(rng: np.random.Generator) -> dict[str, Inference]:
     blob, observation = WeightBlob.random(SPEC, rng), _observation(rng)
-    kernels = {f"native {path}": NativeKernel(path) for path in available_paths()}
+    kernels: dict[str, Kernel] = {
+        f"native {path}": NativeKernel(path) for path in available_paths()
+    }
+    kernels["golden"] = GoldenKernel()
     calls: dict[str, Inference] = {}
-    for name, kernel in {**kernels, "golden": GoldenKernel()}.items():
+    for name, kernel in kernels.items():
         kernel.load(blob)
-        calls[name] = _bound(kernel.run, observation)
+        calls[name] = partial(kernel.run, observation)
     network, pixels = FloatNetwork.random(SPEC, rng), observation.astype(np.float32)[np.newaxis]
     onnx, torch = onnxruntime_inference(network, pixels), torch_inference(network, pixels)
     np.testing.assert_allclose(onnx(), torch(), rtol=1e-2, atol=1e-2)  # the peers do the same work
     return {**calls, "onnxruntime float32": onnx, "torch float32": torch}
-
-
-def _bound(
-    inference: Callable[[npt.NDArray[np.uint8]], object], observation: npt.NDArray[np.uint8]
-) -> Inference:
-    return lambda: inference(observation)
 
 
 def _observation(rng: np.random.Generator) -> npt.NDArray[np.uint8]:

@@ -7,7 +7,7 @@ from typing import Any, Self
 import numpy as np
 import numpy.typing as npt
 
-from bpn_shared.bnn.spec import NetworkSpec
+from bpn_shared.bnn.spec import Layer, NetworkSpec
 
 Floats = npt.NDArray[np.float32]
 _OPSET = 17
@@ -26,14 +26,18 @@ class FloatNetwork:
     def random(cls, spec: NetworkSpec, rng: np.random.Generator) -> Self:
         """Weights that keep the activations near 1 for pixels up to 255."""
         weights, biases = [], []
-        for index, layer in enumerate(spec.layers):
-            shape = (layer.out_channels, layer.in_channels, layer.kernel, layer.kernel)
-            if index >= len(spec.layers) - 2:
-                shape = (layer.out_channels, layer.fan_in)  # type: ignore[assignment]
+        for layer in spec.layers:
+            shape: tuple[int, ...] = (layer.out_channels, layer.fan_in)
+            if _is_convolution(layer):
+                shape = (layer.out_channels, layer.in_channels, layer.kernel, layer.kernel)
             scale = np.sqrt(2 / layer.fan_in) / layer.max_input
             weights.append((rng.standard_normal(shape) * scale).astype(np.float32))
             biases.append((rng.standard_normal(layer.out_channels) * 0.1).astype(np.float32))
         return cls(spec, tuple(weights), tuple(biases))
+
+
+def _is_convolution(layer: Layer) -> bool:
+    return layer.out_size > 1
 
 
 def _missing(error: ImportError, extra: str) -> RuntimeError:
@@ -68,22 +72,24 @@ def _onnx_model(network: FloatNetwork) -> bytes:
     nodes: list[Any] = []
     constants: list[Any] = []
     value = "pixels"
-    last = len(network.spec.layers) - 1
-    for index, layer in enumerate(network.spec.layers):
-        constants.append(numpy_helper.from_array(network.weights[index], f"w{index}"))
-        constants.append(numpy_helper.from_array(network.biases[index], f"b{index}"))
-        if network.weights[index].ndim == 2 and len(network.weights[index - 1].shape) == 4:
-            nodes.append(helper.make_node("Flatten", [value], ["features"]))
-            value = "features"
-        inputs, output = [value, f"w{index}", f"b{index}"], f"o{index}"
-        if network.weights[index].ndim == 4:
-            nodes.append(helper.make_node("Conv", inputs, [output], strides=[layer.stride] * 2))
-        else:
-            nodes.append(helper.make_node("Gemm", inputs, [output], transB=1))
+
+    def append(operator: str, *constant_names: str, **attributes: Any) -> None:
+        nonlocal value
+        output = f"{operator}{len(nodes)}"
+        nodes.append(helper.make_node(operator, [value, *constant_names], [output], **attributes))
         value = output
-        if index < last:
-            value = f"x{index}"
-            nodes.append(helper.make_node("Relu", [output], [value]))
+
+    layers = zip(network.spec.layers, network.weights, network.biases, strict=True)
+    for index, (layer, weights, biases) in enumerate(layers):
+        names = f"weights{index}", f"biases{index}"
+        constants += map(numpy_helper.from_array, (weights, biases), names)
+        if index > 0:
+            append("Relu")
+        if _is_convolution(layer):
+            append("Conv", *names, strides=[layer.stride] * 2)
+        else:
+            append("Flatten")
+            append("Gemm", *names, transB=1)
     graph = helper.make_graph(
         nodes,
         "policy",

@@ -1,10 +1,9 @@
 """The reference arithmetic as a kernel: slow (1-3 ms), needs nothing but numpy."""
 
+from bpn_edge.kernel.protocol import not_loaded
 from bpn_shared.bnn import golden
 from bpn_shared.bnn.blob import WeightBlob
 from bpn_shared.bnn.golden import Integers, Observation
-
-from bpn_edge.kernel.protocol import not_loaded
 
 
 class GoldenKernel:

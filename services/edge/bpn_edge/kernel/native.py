@@ -1,10 +1,9 @@
 """The C++ kernel: bit-parallel XNOR/popcount, bit-exact with `bpn_shared.bnn.golden`."""
 
-from bpn_shared.bnn.blob import WeightBlob
-from bpn_shared.bnn.golden import Integers, Observation
-
 from bpn_edge.kernel import _native
 from bpn_edge.kernel.protocol import not_loaded
+from bpn_shared.bnn.blob import WeightBlob
+from bpn_shared.bnn.golden import Integers, Observation
 
 
 def available_paths() -> tuple[str, ...]:
