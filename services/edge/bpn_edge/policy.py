@@ -1,4 +1,4 @@
-"""From the network's integers to an action: softmax (the paper's Eq. 6) or epsilon-greedy (DQN)."""
+"""From the network's integers to an action: softmax (the paper's Eq. 9) or epsilon-greedy (DQN)."""
 
 import numpy as np
 import numpy.typing as npt
@@ -7,7 +7,7 @@ Outputs = npt.NDArray[np.int32]
 
 
 def softmax_probabilities(outputs: Outputs, scale: float, beta: float) -> npt.NDArray[np.float64]:
-    """pi(a|s) = exp(beta P(s,a)) / sum_b exp(beta P(s,b)) with P = lambda * o (Eq. 6, 12).
+    """pi(a|s) = exp(beta P(s,a)) / sum_b exp(beta P(s,b)) with P = lambda * o (Eq. 9, 14).
 
     Args:
         outputs: o, int32[|A|].

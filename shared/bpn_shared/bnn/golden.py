@@ -41,9 +41,9 @@ def patches(layer: Layer, x: Integers) -> Integers:
 
 
 def forward(blob: WeightBlob, observation: Observation) -> tuple[Integers, ...]:
-    """o_1..o_5 of the paper's Eq. 7a with the activation of Eq. 11: x = +1 iff o >= tau, else -1.
+    """o_1..o_5 of the paper's Eq. 11a with the activation of Eq. 13: x = +1 iff o >= tau, else -1.
 
-    o is the true ±1 sum, 2·popcount(XNOR) - n for n inputs (the paper's Eq. 8 leaves 2p - n out).
+    o is the true ±1 sum, 2·popcount(XNOR) - n for n inputs (the paper's Eq. 12 leaves 2p - n out).
 
     Args:
         blob: the weights.

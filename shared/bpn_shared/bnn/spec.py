@@ -34,7 +34,7 @@ class Layer:
 
     @property
     def fan_in(self) -> int:
-        """Inputs of one dot product (the paper's N in Eq. 7)."""
+        """Inputs of one dot product (the paper's N in Eq. 11a)."""
         return self.kernel * self.kernel * self.in_channels
 
     @property

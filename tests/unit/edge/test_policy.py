@@ -17,7 +17,7 @@ def test_probabilities_are_the_papers_equation(o: np.ndarray, scale: float, beta
     probabilities = softmax_probabilities(o, scale, beta)
     assert probabilities.sum() == pytest.approx(1)
     best = probabilities.argmax()
-    # Eq. 6 as ratios, which need no exponential of a large number
+    # Eq. 9 as ratios, which need no exponential of a large number
     with np.errstate(divide="ignore"):
         logs = np.log(probabilities / probabilities[best])
     finite = np.isfinite(logs)
