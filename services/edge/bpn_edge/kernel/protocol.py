@@ -7,7 +7,7 @@ from bpn_shared.bnn.golden import Integers, Observation
 
 
 class Kernel(Protocol):
-    """Computes the integer outputs o of one policy; P = lambda * o (paper, Eq. 12).
+    """Computes the integer outputs o of one policy; P = lambda * o (paper, section IV-B).
 
     One thread at a time may load; `run` uses the weights of the last `load` that returned.
     """
