@@ -78,7 +78,11 @@ def main() -> int:
     optimum_px = optimal_return()
     finals = [float(np.mean(summary["returns"][-LAST:])) for summary in summaries]
     RESULTS.mkdir(parents=True, exist_ok=True)
-    plot(np.array([summary["returns"] for summary in summaries]), optimum_px, RESULTS / "reaching.png")
+    plot(
+        np.array([summary["returns"] for summary in summaries]),
+        optimum_px,
+        RESULTS / "reaching.png",
+    )
     result = {
         "command": "bench/learning_curve.py --seeds " + str(options.seeds),
         "machine": machine(),

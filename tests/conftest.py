@@ -1,3 +1,7 @@
+import contextlib
+import socket
+import subprocess
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -5,7 +9,6 @@ from collections.abc import Callable, Iterator
 import pytest
 
 from bpn.local_run import free_endpoint
-from bpn_shared.bus.router import open_router
 from bpn_shared.bus.session import Bus
 
 DEADLINE_S = 20.0
@@ -26,11 +29,36 @@ def _wait_for() -> Callable[..., None]:
     return wait_for
 
 
+@contextlib.contextmanager
+def running_router(endpoint: str) -> Iterator[None]:
+    """A router in a process of its own, as in real life; ready when this yields."""
+    process = subprocess.Popen(
+        [sys.executable, "-m", "bpn_shared.bus.router", "--listen", endpoint]
+    )
+    host, port = endpoint.removeprefix("tcp/").split(":")
+
+    def listens() -> bool:
+        with socket.socket() as probe:
+            return probe.connect_ex((host, int(port))) == 0
+
+    try:
+        wait_for(listens, f"the router at {endpoint}")
+        yield
+    finally:
+        process.terminate()
+        process.wait(10)
+
+
+@pytest.fixture(name="running_router")
+def _running_router() -> Callable[[str], contextlib.AbstractContextManager[None]]:
+    return running_router
+
+
 @pytest.fixture
 def endpoint() -> Iterator[str]:
-    """A real router of its own for every test."""
+    """The address of a router that only this test uses."""
     address = free_endpoint()
-    with open_router(address):
+    with running_router(address):
         yield address
 
 

@@ -1,3 +1,4 @@
+import contextlib
 import threading
 from collections.abc import Callable
 
@@ -5,12 +6,12 @@ import pytest
 
 from bpn.local_run import free_endpoint
 from bpn_shared.bus.requests import NoReplyError, RefusedError, Responder, request
-from bpn_shared.bus.router import open_router
 from bpn_shared.bus.session import Bus, BusError
 from bpn_shared.messages.base import MessageError
 from bpn_shared.service import Counters
 
 OpenBus = Callable[[], Bus]
+RunningRouter = Callable[[str], contextlib.AbstractContextManager[None]]
 
 
 def test_the_answer_comes_back_whole(open_bus: OpenBus) -> None:
@@ -65,12 +66,12 @@ def test_a_handler_that_never_answers_ends_at_the_deadline(open_bus: OpenBus) ->
     del responder
 
 
-def test_a_service_that_starts_before_the_router_finds_it() -> None:
+def test_a_service_that_starts_before_the_router_finds_it(running_router: RunningRouter) -> None:
     endpoint = free_endpoint()
     opened: list[Bus] = []
     thread = threading.Thread(target=lambda: opened.append(Bus(endpoint, deadline_s=20.0)))
     thread.start()
-    with open_router(endpoint):
+    with running_router(endpoint):
         thread.join(20)
         assert opened
         assert opened[0].connected
@@ -83,10 +84,10 @@ def test_no_router_is_an_error_that_names_the_remedy() -> None:
 
 
 def test_requests_work_again_after_the_router_was_replaced(
-    wait_for: Callable[..., None],
+    running_router: RunningRouter, wait_for: Callable[..., None]
 ) -> None:
     endpoint = free_endpoint()
-    with open_router(endpoint):
+    with running_router(endpoint):
         served, asking = Bus(endpoint), Bus(endpoint)
         responder = Responder(served, "test/echo", lambda body: body, Counters())
         assert request(asking, "test/echo", b"1", timeout_s=5.0) == b"1"
@@ -98,7 +99,7 @@ def test_requests_work_again_after_the_router_was_replaced(
             return False
 
     assert not answers()
-    with open_router(endpoint):
+    with running_router(endpoint):
         wait_for(answers, "an answer through the second router")
         served.close()
         asking.close()

@@ -1,6 +1,7 @@
 """Plays one episode: frame in, kernel, policy, action out."""
 
 import secrets
+import threading
 import time
 from collections.abc import Callable
 
@@ -13,12 +14,15 @@ from bpn_edge.robot_link import RobotLink
 from bpn_shared.messages.action import Action
 from bpn_shared.messages.control import Assignment, Reset
 from bpn_shared.messages.episode import Episode
+from bpn_shared.messages.frame import FrameHeader
 from bpn_shared.seeds import action_uniform
 from bpn_shared.tasks import Task
 from bpn_shared.worker import Worker
 
 Choose = Callable[[npt.NDArray[np.int32], float], int]
 """From o int32[|A|] and a uniform number in [0, 1) to an action."""
+
+_LOOK_AROUND_S = 0.2
 
 
 class EpisodeDriver:
@@ -39,68 +43,138 @@ class EpisodeDriver:
     def play(self, assignment: Assignment, choose: Choose) -> Episode | None:
         """Plays the assigned episode with the weights in the active bank.
 
-        A robot that was restarted begins again at step 0, and so does the recording; seed and weights are
-        the same, hence so is the episode.
-
         Returns:
             The finished episode; None if the worker was stopped or a frame is missing (realtime pacing
             over a slow link): such an episode is not data and has to be played again.
         """
+        worker = self._worker
         reset = Reset(
             iteration=assignment.iteration,
             episode=assignment.episode,
             seed=assignment.seed,
             reset_id=secrets.randbits(64),
         )
-        if not self._link.reset(reset):
-            return None
-        recorder = EpisodeRecorder(self._task)
-        answer: Action | None = None
-        uniform = action_uniform(assignment.seed, 0)
-        last_frame_s = time.monotonic()
-        while not self._worker.stop.is_set():
-            frame = self._link.next_frame(reset.reset_id, self._silence_s)
-            if frame is None:
-                if time.monotonic() - last_frame_s >= self._silence_s:
-                    self._worker.waiting.set(f"a frame from robot {self._worker.slot}")
+        game = _Game(
+            worker,
+            self._task,
+            self._link,
+            self._memory,
+            assignment=assignment,
+            reset_id=reset.reset_id,
+            choose=choose,
+        )
+        self._link.listen(game.on_frame)
+        try:
+            self._link.reset(reset)
+            while not game.over.wait(_LOOK_AROUND_S):
+                if worker.stop.is_set():
+                    return None
+                if game.silent_s() > self._silence_s:
+                    worker.waiting.set(f"a frame from robot {worker.slot}")
                     self._link.reset(reset)
-                    last_frame_s = time.monotonic()
-                continue
-            last_frame_s = time.monotonic()
-            self._worker.waiting.done()
-            header, pixels, t_receive_ns = frame
-            if answer is not None and header.step == answer.step:  # the robot did not hear us
-                self._link.send(answer)
-                continue
-            if header.step == 0 and recorder.next_step > 0:
-                self._worker.counters.add("episodes_begun_again")
-                recorder = EpisodeRecorder(self._task)
-                uniform = action_uniform(assignment.seed, 0)
-            if header.step != recorder.next_step:
-                self._worker.counters.add("episodes_with_missing_frames")
-                return None
-            recorder.add_frame(header, pixels, t_receive_ns)
-            if header.kind.ends_episode:
-                blob = self._memory.blob
-                return recorder.finish(
-                    assignment,
-                    slot=self._worker.slot,
-                    worker=self._worker.id,
-                    weights_attempt=blob.attempt if blob else 0,
-                )
-            observation = recorder.observation()
-            start_ns = time.perf_counter_ns()
-            outputs = self._memory.run(observation)
-            inference_ns = time.perf_counter_ns() - start_ns
-            answer = Action(
-                action=choose(outputs, uniform),
-                step=header.step,
-                weights_version=assignment.weights_version,
-                reset_id=reset.reset_id,
-                inference_ns=inference_ns,
-                edge_ns=time.monotonic_ns() - t_receive_ns,
-            )
-            self._link.send(answer)
-            recorder.add_outputs(outputs, inference_ns)
-            uniform = action_uniform(assignment.seed, header.step + 1)  # off the critical path
-        return None
+                    game.heard()
+        finally:
+            self._link.listen(None)
+        worker.waiting.done()
+        if game.error is not None:
+            raise game.error
+        return game.episode
+
+
+class _Game:
+    """One episode while it is played. `on_frame` runs on the network thread, all else waits for `over`.
+
+    A robot that was restarted begins again at step 0, and so does the recording: seed and weights are the
+    same, hence so is the episode.
+    """
+
+    def __init__(
+        self,
+        worker: Worker,
+        task: Task,
+        link: RobotLink,
+        memory: WeightMemory,
+        *,
+        assignment: Assignment,
+        reset_id: int,
+        choose: Choose,
+    ) -> None:
+        self._worker, self._task, self._link, self._memory = worker, task, link, memory
+        self._assignment, self._reset_id, self._choose = assignment, reset_id, choose
+        self.over = threading.Event()
+        self.episode: Episode | None = None
+        self.error: Exception | None = None
+        self._begin()
+        self.heard()
+
+    def _begin(self) -> None:
+        self._recorder = EpisodeRecorder(self._task)
+        self._answer: Action | None = None
+        self._uniform = action_uniform(self._assignment.seed, 0)
+
+    def heard(self) -> None:
+        """Notes that the robot gave a sign of life, or a new chance to give one."""
+        self._heard_s = time.monotonic()
+
+    def silent_s(self) -> float:
+        """Seconds without a sign of life."""
+        return time.monotonic() - self._heard_s
+
+    def on_frame(
+        self, header: FrameHeader, pixels: npt.NDArray[np.uint8], t_receive_ns: int
+    ) -> None:
+        """Answers a frame and records it."""
+        if header.reset_id != self._reset_id or self.over.is_set():
+            self._worker.counters.add("frames_of_other_episodes")
+            return
+        self.heard()
+        try:
+            self._take(header, pixels, t_receive_ns)
+        except Exception as error:
+            self.error = error
+            self.over.set()
+
+    def _take(self, header: FrameHeader, pixels: npt.NDArray[np.uint8], t_receive_ns: int) -> None:
+        if self._answer is not None and header.step == self._answer.step:
+            self._link.send(self._answer)  # the robot did not hear us
+            return
+        if header.step == 0 and self._recorder.next_step > 0:
+            self._worker.counters.add("episodes_begun_again")
+            self._begin()
+        if header.step != self._recorder.next_step:
+            self._worker.counters.add("episodes_with_missing_frames")
+            self.over.set()
+            return
+        self._recorder.add_frame(header, pixels, t_receive_ns)
+        if header.kind.ends_episode:
+            self._finish()
+        else:
+            self._act(header.step, t_receive_ns)
+
+    def _act(self, step: int, t_receive_ns: int) -> None:
+        observation = self._recorder.observation()
+        start_ns = time.perf_counter_ns()
+        outputs = self._memory.run(observation)
+        inference_ns = time.perf_counter_ns() - start_ns
+        self._answer = Action(
+            action=self._choose(outputs, self._uniform),
+            step=step,
+            weights_version=self._assignment.weights_version,
+            reset_id=self._reset_id,
+            inference_ns=inference_ns,
+            edge_ns=time.monotonic_ns() - t_receive_ns,
+        )
+        self._link.send(self._answer)
+        # off the critical path: the robot is moving now
+        self._recorder.add_outputs(outputs, inference_ns)
+        self._uniform = action_uniform(self._assignment.seed, step + 1)
+
+    def _finish(self) -> None:
+        blob = self._memory.blob
+        self.episode = self._recorder.finish(
+            self._assignment,
+            slot=self._worker.slot,
+            worker=self._worker.id,
+            weights_attempt=blob.attempt if blob else 0,
+        )
+        self.over.set()

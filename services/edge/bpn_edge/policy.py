@@ -1,4 +1,10 @@
-"""From the network's integers to an action: softmax (the paper's Eq. 9) or epsilon-greedy (DQN)."""
+"""From the network's integers to an action: softmax (the paper's Eq. 9) or epsilon-greedy (DQN).
+
+Plain floats on purpose: for |A| <= 64 numbers numpy's calls cost more than the arithmetic, and this is
+on the way from camera to action.
+"""
+
+from math import exp
 
 import numpy as np
 import numpy.typing as npt
@@ -6,7 +12,7 @@ import numpy.typing as npt
 Outputs = npt.NDArray[np.int32]
 
 
-def softmax_probabilities(outputs: Outputs, scale: float, beta: float) -> npt.NDArray[np.float64]:
+def softmax_probabilities(outputs: Outputs, scale: float, beta: float) -> list[float]:
     """pi(a|s) = exp(beta P(s,a)) / sum_b exp(beta P(s,b)) with P = lambda * o (Eq. 9, 14).
 
     Args:
@@ -15,19 +21,23 @@ def softmax_probabilities(outputs: Outputs, scale: float, beta: float) -> npt.ND
         beta: inverse temperature.
 
     Returns:
-        float64[|A|], sums to 1.
+        |A| numbers that sum to 1.
     """
-    logits = beta * scale * outputs.astype(np.float64)
-    weights = np.exp(logits - logits.max())
-    probabilities: npt.NDArray[np.float64] = weights / weights.sum()
-    return probabilities
+    o = outputs.tolist()
+    top = max(o)
+    weights = [exp(beta * scale * (value - top)) for value in o]
+    total = sum(weights)
+    return [weight / total for weight in weights]
 
 
 def softmax_action(outputs: Outputs, scale: float, beta: float, uniform: float) -> int:
     """The action that the softmax policy draws for a uniform number in [0, 1) (inverse CDF)."""
-    cumulative = np.cumsum(softmax_probabilities(outputs, scale, beta))
-    # the sum may round to just below 1, and the uniform number lie above it
-    return min(int(np.searchsorted(cumulative, uniform, side="right")), len(outputs) - 1)
+    cumulative = 0.0
+    for action, probability in enumerate(softmax_probabilities(outputs, scale, beta)):
+        cumulative += probability
+        if uniform < cumulative:
+            return action
+    return len(outputs) - 1  # the sum rounded to just below 1, and the number lies above it
 
 
 def epsilon_greedy_action(outputs: Outputs, epsilon: float, uniform: float) -> int:

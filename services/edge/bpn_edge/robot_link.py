@@ -1,10 +1,12 @@
 """The edge's end of the two streams and the reset to its robot."""
 
+from collections.abc import Callable
+
 import numpy as np
 import numpy.typing as npt
 
 from bpn_shared import keys
-from bpn_shared.bus.latest import LatestPublisher, LatestSubscriber
+from bpn_shared.bus.latest import DirectSubscriber, LatestPublisher, Sample
 from bpn_shared.bus.requests import NoReplyError, RefusedError, request
 from bpn_shared.messages.action import Action
 from bpn_shared.messages.base import MessageError
@@ -16,8 +18,8 @@ from bpn_shared.worker import Worker
 _RESET_TIMEOUT_S = 1.0
 _RESET_AGAIN_S = 0.1
 
-Frame = tuple[FrameHeader, npt.NDArray[np.uint8], int]
-"""Header, pixels uint8[c, 84, 84], and when it arrived (monotonic ns)."""
+OnFrame = Callable[[FrameHeader, npt.NDArray[np.uint8], int], None]
+"""Takes a frame: header, pixels uint8[c, 84, 84], when it arrived (monotonic ns)."""
 
 
 class RobotLink:
@@ -26,9 +28,27 @@ class RobotLink:
     def __init__(self, worker: Worker, task: Task) -> None:
         self._worker = worker
         self._task = task
+        self._on_frame: OnFrame | None = None
         self._reset_key = keys.reset(worker.run, worker.slot)
-        self._frames = LatestSubscriber(worker.bus, keys.frame(worker.run, worker.slot))
         self._actions = LatestPublisher(worker.bus, keys.action(worker.run, worker.slot), "action")
+        self._frames = DirectSubscriber(
+            worker.bus, keys.frame(worker.run, worker.slot), self._receive
+        )
+
+    def listen(self, on_frame: OnFrame | None) -> None:
+        """From now on frames go to `on_frame`, on the network thread; None: they go nowhere."""
+        self._on_frame = on_frame
+
+    def _receive(self, sample: Sample) -> None:
+        on_frame = self._on_frame
+        if on_frame is None:
+            return
+        try:
+            header, pixels = decode_frame(sample.attachment, sample.payload, self._task.frame_shape)
+        except MessageError as error:
+            self._worker.counters.refuse("frames_refused", str(error))
+            return
+        on_frame(header, pixels, sample.t_receive_ns)
 
     def reset(self, reset: Reset) -> bool:
         """Tells the robot to begin an episode, again and again until it answers; False if stopped."""
@@ -43,21 +63,6 @@ class RobotLink:
                 worker.counters.refuse("resets_refused", f"robot {worker.slot}: {error}")
             worker.stop.wait(_RESET_AGAIN_S)
         return False
-
-    def next_frame(self, reset_id: int, timeout_s: float) -> Frame | None:
-        """The newest frame of that reset's episode; None if none comes within the timeout."""
-        sample = self._frames.take(timeout_s, self._worker.stop.is_set)
-        if sample is None:
-            return None
-        try:
-            header, pixels = decode_frame(sample.attachment, sample.payload, self._task.frame_shape)
-        except MessageError as error:
-            self._worker.counters.refuse("frames_refused", str(error))
-            return None
-        if header.reset_id != reset_id:
-            self._worker.counters.add("frames_of_other_episodes")
-            return None
-        return header, pixels, sample.t_receive_ns
 
     def send(self, action: Action) -> None:
         self._actions.put(action.encode())

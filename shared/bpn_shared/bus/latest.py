@@ -1,4 +1,10 @@
-"""Streams where only the newest matters: frames and actions."""
+"""Streams where only the newest matters: frames and actions.
+
+Two ways to receive. `LatestSubscriber` is a slot that some thread takes from. `DirectSubscriber` calls a
+handler on the network thread, which saves waking another one (about 80 us where cores go idle between
+frames) but delays everything else that the session receives: it is for work far shorter than a frame's
+period.
+"""
 
 import threading
 import time
@@ -37,25 +43,42 @@ class LatestPublisher:
         self._publisher.put(payload, attachment=attachment)
 
 
+def _received(sample: zenoh.Sample) -> Sample:
+    now_ns = time.monotonic_ns()
+    attachment = sample.attachment.to_bytes() if sample.attachment is not None else b""
+    return Sample(attachment, sample.payload.to_bytes(), now_ns)
+
+
+class DirectSubscriber:
+    """Calls `handler` with every message, one after the other, on the network thread.
+
+    What the handler raises is only logged by Zenoh, so it should raise nothing.
+    """
+
+    def __init__(self, bus: Bus, key: str, handler: Callable[[Sample], None]) -> None:
+        def receive(sample: zenoh.Sample) -> None:
+            handler(_received(sample))
+
+        self._subscriber = bus.zenoh.declare_subscriber(
+            key, zenoh.handlers.Callback(receive, indirect=False)
+        )
+
+
 class LatestSubscriber:
-    """A slot with the newest message; older ones that nobody took are gone and counted."""
+    """A slot with the newest message; older ones that nobody took are gone."""
 
     def __init__(self, bus: Bus, key: str) -> None:
         self._changed = threading.Condition()
         self._sample: Sample | None = None
-        self.overwritten = 0
-        # A direct callback runs on the network thread, so it must only copy (a slow one delays every
-        # subscriber of the session); the default handler would queue 256 stale frames instead.
-        handler = zenoh.handlers.Callback(self._receive, indirect=False)
-        self._subscriber = bus.zenoh.declare_subscriber(key, handler)
+        self.received = 0
+        """Messages so far, taken or not."""
+        # The default handler would queue 256 stale frames instead of keeping the newest.
+        self._subscriber = DirectSubscriber(bus, key, self._put)
 
-    def _receive(self, sample: zenoh.Sample) -> None:
-        now_ns = time.monotonic_ns()
-        attachment = sample.attachment.to_bytes() if sample.attachment is not None else b""
-        received = Sample(attachment, sample.payload.to_bytes(), now_ns)
+    def _put(self, sample: Sample) -> None:
         with self._changed:
-            self.overwritten += self._sample is not None
-            self._sample = received
+            self.received += 1
+            self._sample = sample
             self._changed.notify_all()
 
     def take(

@@ -4,6 +4,7 @@ A msgpack map. Pixels are compressed (zlib): simulated images shrink about twent
 stored as they came.
 """
 
+import math
 import zlib
 from dataclasses import dataclass
 from typing import Annotated, Any, Self
@@ -128,14 +129,14 @@ _PARTS = TypeAdapter(_Parts)
 def _array(
     name: str, data: bytes, dtype: type[np.generic], shape: tuple[int, ...]
 ) -> npt.NDArray[Any]:
-    expected = int(np.prod(shape)) * np.dtype(dtype).itemsize
+    expected = math.prod(shape) * np.dtype(dtype).itemsize
     if len(data) != expected:
         raise MessageError(f"episode: {name}: {len(data)} bytes, {list(shape)} has {expected}")
     return np.frombuffer(data, np.dtype(dtype).newbyteorder("<")).reshape(shape)
 
 
 def _inflate(data: bytes, shape: tuple[int, ...]) -> npt.NDArray[np.uint8]:
-    expected = int(np.prod(shape))
+    expected = math.prod(shape)
     inflater = zlib.decompressobj()
     try:
         raw = inflater.decompress(data, expected + 1)  # bounded: a bomb cannot grow past this

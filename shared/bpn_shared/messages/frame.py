@@ -1,5 +1,6 @@
 """robot -> edge: one camera frame. The header rides in the attachment, the payload is the raw pixels."""
 
+import math
 import struct
 from dataclasses import dataclass
 from enum import IntEnum
@@ -99,7 +100,7 @@ def decode_frame(
         MessageError: the header is malformed or the pixels are not of that shape.
     """
     header = FrameHeader.decode(attachment)
-    expected = int(np.prod(shape))
+    expected = math.prod(shape)
     if header.channels != shape[0] or len(payload) != expected:
         raise MessageError(
             f"frame: {len(payload)} bytes with {header.channels} channels, the task's frames "

@@ -1,3 +1,5 @@
+import itertools
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -14,7 +16,7 @@ betas = st.floats(1e-2, 1e4)
 
 @given(outputs, scales, betas)
 def test_probabilities_are_the_papers_equation(o: np.ndarray, scale: float, beta: float) -> None:
-    probabilities = softmax_probabilities(o, scale, beta)
+    probabilities = np.array(softmax_probabilities(o, scale, beta))
     assert probabilities.sum() == pytest.approx(1)
     best = probabilities.argmax()
     # Eq. 9 as ratios, which need no exponential of a large number
@@ -31,7 +33,7 @@ def test_the_drawn_action_is_where_the_cdf_passes_the_number(
     o: np.ndarray, scale: float, beta: float, uniform: float
 ) -> None:
     action = softmax_action(o, scale, beta, uniform)
-    cumulative = np.cumsum(softmax_probabilities(o, scale, beta))
+    cumulative = list(itertools.accumulate(softmax_probabilities(o, scale, beta)))
     assert 0 <= action < len(o)
     assert action == 0 or cumulative[action - 1] <= uniform
     assert uniform < cumulative[action] or action == len(o) - 1
