@@ -13,6 +13,8 @@ from typing import Any
 
 import matplotlib as mpl
 import numpy as np
+from rich.console import Console
+
 from bpn.bench.machine import machine
 from bpn.local_run import execute, free_endpoint, new_run
 from bpn.summary import summarize
@@ -20,10 +22,9 @@ from bpn_robot_sim.reaching.optimum import optimal_return
 from bpn_shared.config import RunConfig
 from bpn_shared.run_folder import RunFolder
 from bpn_shared.service import stop_on_signals
-from rich.console import Console
 
 mpl.use("Agg")
-from matplotlib import pyplot as plt  # noqa: E402 - after the back end is chosen
+from matplotlib import pyplot as plt
 
 RESULTS = Path(__file__).parents[1] / "docs" / "results"
 RANDOM_RETURN_PX = -864.0  # exact over the chain of poses, see docs/tasks/reaching.md

@@ -1,19 +1,21 @@
 """`python -m bpn_shared.bus.echo`: what a round trip over the bus costs, with nothing else in it.
 
-The yardstick for the loop's camera-to-action latency: same bytes there and back, same router, receivers
-that answer from the network thread.
+The yardsticks for the loop's camera-to-action latency: same bytes there and back, same router. Once as two
+streams whose receivers answer on the network thread, once as Zenoh's request and reply.
 """
 
 import argparse
 import threading
 import time
+from collections.abc import Callable
 
 import zenoh
 
+from bpn_shared.bus.requests import Responder, request
 from bpn_shared.bus.session import DEFAULT_ENDPOINT, Bus
-from bpn_shared.service import end_with_supervisor, set_up_logging, stop_on_signals
+from bpn_shared.service import Counters, end_with_supervisor, set_up_logging, stop_on_signals
 
-PING, PONG = "bpn/echo/ping", "bpn/echo/pong"
+PING, PONG, REQUEST = "bpn/echo/ping", "bpn/echo/pong", "bpn/echo/request"
 
 
 def _publisher(bus: Bus, key: str) -> zenoh.Publisher:
@@ -26,7 +28,7 @@ def _publisher(bus: Bus, key: str) -> zenoh.Publisher:
 
 
 class Echo:
-    """Answers every ping with a pong of `answer_bytes`."""
+    """Answers every ping and every request with `answer_bytes`."""
 
     def __init__(self, bus: Bus, answer_bytes: int) -> None:
         answer = bytes(answer_bytes)
@@ -39,17 +41,42 @@ class Echo:
         self._subscriber = bus.zenoh.declare_subscriber(
             PING, zenoh.handlers.Callback(receive, indirect=False)
         )
+        self._responder = Responder(bus, REQUEST, lambda _body: answer, Counters())
 
 
-def round_trips_us(bus: Bus, request_bytes: int, count: int, timeout_s: float = 1.0) -> list[float]:
-    """Times `count` pings of `request_bytes`, one after the other, microseconds each.
+def request_times_us(bus: Bus, request_bytes: int, count: int) -> list[float]:
+    """Times `count` requests of `request_bytes`, one after the other, microseconds each.
+
+    Raises:
+        NoReplyError: no echo answers.
+    """
+    payload = bytes(request_bytes)
+    times_us = []
+    for _ in range(count):
+        start_ns = time.perf_counter_ns()
+        request(bus, REQUEST, payload, timeout_s=5.0)
+        times_us.append((time.perf_counter_ns() - start_ns) / 1e3)
+    return times_us
+
+
+def round_trips_us(
+    bus: Bus,
+    request_bytes: int,
+    count: int,
+    between: Callable[[], None] = lambda: None,
+    timeout_s: float = 1.0,
+) -> list[float]:
+    """Times `count` pings of `request_bytes`, microseconds each, with a call of `between` before each.
 
     Raises:
         TimeoutError: a pong did not come within the timeout.
     """
     arrived = threading.Event()
+    arrival_ns = 0
 
     def receive(sample: zenoh.Sample) -> None:
+        nonlocal arrival_ns
+        arrival_ns = time.perf_counter_ns()
         sample.payload.to_bytes()
         arrived.set()
 
@@ -60,12 +87,13 @@ def round_trips_us(bus: Bus, request_bytes: int, count: int, timeout_s: float = 
     payload = bytes(request_bytes)
     times_us = []
     for _ in range(count):
+        between()
         arrived.clear()
         start_ns = time.perf_counter_ns()
         ping.put(payload)
         if not arrived.wait(timeout_s):
             raise TimeoutError(f"no pong within {timeout_s} s: is an echo running at the router?")
-        times_us.append((time.perf_counter_ns() - start_ns) / 1e3)
+        times_us.append((arrival_ns - start_ns) / 1e3)
     subscriber.undeclare()  # type: ignore[no-untyped-call]
     return times_us
 

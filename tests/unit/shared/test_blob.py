@@ -87,7 +87,7 @@ def test_noise_is_refused(noise: bytes) -> None:
 
 def test_a_wrong_geometry_names_the_value() -> None:
     header = struct.pack("<4sHHHH16sIIf", b"BPNW", 1, 1, 0, 4, bytes(16), 0, 0, 1.0)
-    with pytest.raises(BlobError, match="nodes = 0 is outside 1..1024"):
+    with pytest.raises(BlobError, match=r"nodes = 0 is outside 1\.\.1024"):
         WeightBlob.decode(header + bytes(100))
 
 
