@@ -1,10 +1,13 @@
 import contextlib
+import json
 import socket
 import subprocess
 import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -74,3 +77,33 @@ def open_bus(endpoint: str) -> Iterator[Callable[[], Bus]]:
     yield open_one
     for bus in opened:
         bus.close()
+
+
+def command_line(*arguments: str) -> list[str]:
+    return [sys.executable, "-m", "bpn", *arguments]
+
+
+@pytest.fixture(scope="session")
+def command() -> Callable[..., list[str]]:
+    """The `bpn` command with these arguments."""
+    return command_line
+
+
+@pytest.fixture(scope="session")
+def train(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., dict[str, Any]]:
+    """`bpn train --json` as a user would call it; returns the final object."""
+
+    def run(*arguments: str, runs_dir: Path | None = None) -> dict[str, Any]:
+        runs_dir = runs_dir or tmp_path_factory.mktemp("runs")
+        done = subprocess.run(
+            command_line("train", *arguments, "--json", "--runs-dir", str(runs_dir)),
+            capture_output=True,
+            text=True,
+            timeout=280,
+            check=False,
+        )
+        assert done.returncode == 0, done.stderr
+        result: dict[str, Any] = json.loads(done.stdout)
+        return result | {"runs_dir": str(runs_dir), "stderr": done.stderr}
+
+    return run
