@@ -51,6 +51,9 @@ class RunConfig(BaseModel):
 
     nodes: Annotated[int, Field(ge=1, le=MAX_NODES, description="N, nodes of FC(N)")] = 100
     learning_rate: Annotated[float, Field(gt=0, le=1, description="of Adam")] = 1e-3
+    learning_rate_final: Annotated[
+        float, Field(ge=0, le=1, description="share of it at an update's end (cosine over epochs)")
+    ] = 0.02
     scale_initial: Annotated[float, Field(gt=0, le=100, description="lambda at the start")] = 0.2
     reward_scale: Annotated[
         float, Field(gt=0, le=1e3, description="factor on rewards in pixels before learning")

@@ -75,6 +75,7 @@ class Training:
             batch=config.batch,
             target="cvi" if config.algorithm == "bpn" else "dqn",
             mask_terminals=config.mask_terminals,
+            learning_rate_final=config.learning_rate_final,
         )
         self._data: deque[list[EpisodeData]] = deque(maxlen=config.datasets)  # D
 

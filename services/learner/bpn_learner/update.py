@@ -1,5 +1,6 @@
 """Algorithm 1's PolicyUpdate: from theta and D to the next theta."""
 
+import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -35,6 +36,7 @@ class PolicyUpdate:
         batch: B, at least 2.
         target: "cvi" (BPN, CVI) or "dqn" (BQN, DQN).
         mask_terminals: no bootstrap from failures; Algorithm 1 as printed bootstraps from every s'.
+        learning_rate_final: share of the learning rate in an update's last epoch; falls along a cosine.
     """
 
     alpha: float = 0.95
@@ -44,6 +46,7 @@ class PolicyUpdate:
     batch: int = 32
     target: Literal["cvi", "dqn"] = "cvi"
     mask_terminals: bool = False
+    learning_rate_final: float = 1.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,7 +80,10 @@ def make_optimizer(network: PNetwork, learning_rate: float) -> torch.optim.Adam:
     ]
     if isinstance(network, BinaryNetwork):
         groups.append({"params": [network.log_scale], "lr": learning_rate * SCALE_RATE_FACTOR})
-    return torch.optim.Adam(groups, lr=learning_rate, fused=True)
+    optimizer = torch.optim.Adam(groups, lr=learning_rate, fused=True)
+    for group in optimizer.param_groups:
+        group["initial_lr"] = group["lr"]  # what `annealing` is a factor of
+    return optimizer
 
 
 def policy_update(
@@ -119,6 +125,7 @@ def policy_update(
     for epoch in range(settings.epochs):
         if stop is not None and stop():
             raise UpdateStopped(f"stopped after {epoch} of {settings.epochs} epochs")
+        set_learning_rate(optimizer, annealing(epoch, settings))
         order = torch.from_numpy(rng.permutation(size))
         total = torch.zeros(())
         for k in range(minibatches):
@@ -148,6 +155,23 @@ def policy_update(
         updates=settings.epochs * minibatches,
         seconds=time.perf_counter() - started,
     )
+
+
+def annealing(epoch: int, settings: PolicyUpdate) -> float:
+    """The learning rate's factor in an epoch: a cosine from 1 to `learning_rate_final`.
+
+    Binary weights keep flipping as long as the rate is high. What the last flips leave is the policy that
+    the robots run, so they have to become few before an update ends.
+    """
+    progress = epoch / max(1, settings.epochs - 1)
+    final = settings.learning_rate_final
+    return final + (1 - final) * (1 + math.cos(math.pi * progress)) / 2
+
+
+def set_learning_rate(optimizer: torch.optim.Optimizer, factor: float) -> None:
+    """Sets every group's rate to that factor of what `make_optimizer` gave it."""
+    for group in optimizer.param_groups:
+        group["lr"] = factor * group["initial_lr"]
 
 
 def minibatches_per_epoch(size: int, batch: int) -> int:

@@ -13,14 +13,17 @@ from bpn_learner.fold import fold
 from bpn_learner.networks import BinaryNetwork, FloatNetwork, PNetwork
 from bpn_learner.transitions import EpisodeData, Transitions
 from bpn_learner.update import (
+    SCALE_RATE_FACTOR,
     DivergenceError,
     PolicyUpdate,
     UpdateReport,
     UpdateStopped,
+    annealing,
     make_optimizer,
     minibatches_per_epoch,
     policy_update,
     preferences,
+    set_learning_rate,
     targets,
 )
 from bpn_shared.bnn import golden
@@ -240,3 +243,24 @@ def test_saturated_targets_are_counted() -> None:
     )
     assert report.saturation == pytest.approx(20 / 30)
     assert report.max_target > 900
+
+
+@given(st.integers(1, 60), st.floats(0, 1))
+def test_the_rate_falls_along_a_cosine_to_its_final_share(epochs: int, final: float) -> None:
+    settings = PolicyUpdate(epochs=epochs, learning_rate_final=final)
+    factors = [annealing(epoch, settings) for epoch in range(epochs)]
+    assert factors[0] == pytest.approx(1)
+    assert factors == sorted(factors, reverse=True)
+    if epochs > 1:
+        assert factors[-1] == pytest.approx(final)
+    if epochs % 2:
+        assert factors[epochs // 2] == pytest.approx((1 + final) / 2 if epochs > 1 else 1)
+
+
+def test_every_parameter_group_is_annealed_and_the_next_update_starts_anew() -> None:
+    optimizer = make_optimizer(binary_network(), 1e-3)
+    set_learning_rate(optimizer, 0.5)
+    set_learning_rate(optimizer, 0.25)
+    assert [group["lr"] for group in optimizer.param_groups] == pytest.approx(
+        [0.25e-3, 0.25e-3 * SCALE_RATE_FACTOR]
+    )
