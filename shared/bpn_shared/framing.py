@@ -8,7 +8,7 @@ outside went, its pixels hardly tell, but where it crossed the border they do.
 Pixel coordinates are OpenCV's: x to the right, y down, the centre of the first pixel is (0, 0).
 """
 
-from math import hypot
+from math import dist, hypot
 
 from bpn_shared.bnn.spec import IMAGE_SIZE_PX
 
@@ -25,6 +25,13 @@ def in_frame(x_px: float, y_px: float) -> bool:
 def reward_px(x_px: float, y_px: float) -> float:
     """Minus the distance of this centre from the frame's middle, -58.7 at a corner and beyond."""
     return -hypot(_clipped(x_px) - MIDDLE_PX, _clipped(y_px) - MIDDLE_PX)
+
+
+def nearest_on_border(x_px: float, y_px: float) -> tuple[float, float]:
+    """The point of the frame's border that is nearest to a centre in the frame."""
+    corners = (0.0, float(BORDER_PX))
+    candidates = [*((x, y_px) for x in corners), *((x_px, y) for y in corners)]
+    return min(candidates, key=lambda point: dist(point, (x_px, y_px)))
 
 
 def _clipped(coordinate_px: float) -> float:
