@@ -32,8 +32,8 @@ STEPS_PER_FIGURE = 80
 PHASE_PER_S = 360.0 / (STEPS_PER_FIGURE * TASKS["pan_tilt"].control_period_s)
 """w in degrees."""
 
-AGENT_LIMITS_DEG = (50.0, 35.0)
-"""Beyond what following the marker needs; the backdrop fills the camera up to here."""
+AGENT_LIMITS_DEG = (40.0, 30.0)
+"""Nowhere beyond them does the camera see the marker; the backdrop fills its frame up to here."""
 
 _LABELS_DEG = (-4, -2, 0, 2, 4)
 _TURNS_DEG = tuple(n for n in _LABELS_DEG if n)

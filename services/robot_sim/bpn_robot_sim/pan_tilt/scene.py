@@ -16,7 +16,7 @@ STALL_TORQUE_NM = 4.1
 
 BACKDROP_M = 1.6
 """From the camera; behind the target unit."""
-BACKDROP_HALF_SIZE_M = (3.6, 2.4)
+BACKDROP_HALF_SIZE_M = (3.1, 3.1)
 
 
 def mjcf() -> str:
@@ -24,8 +24,7 @@ def mjcf() -> str:
     half_width_m, half_height_m = BACKDROP_HALF_SIZE_M
     template = (resources.files(__package__) / "units.xml").read_text(encoding="utf-8")
     return Template(template).substitute(
-        texture_width=backdrop.WIDTH_PX,
-        texture_height=backdrop.HEIGHT_PX,
+        texture_px=backdrop.SIZE_PX,
         marker_rgb=" ".join(repr(level / 255) for level in markers.PAN_TILT_MARKER.rgb),
         armature=ARMATURE_KGM2,
         stiffness=ARMATURE_KGM2 * NATURAL_FREQUENCY_PER_S**2,
