@@ -128,8 +128,13 @@ PRESETS: dict[str, dict[str, Any]] = {
     "tracking": {"steps": 40, "reward_scale": 0.2},
     # Section VI-B.
     "pan_tilt": {
-        "nodes": 100, "alpha": 0.95, "beta": 3.0, "iterations": 150, "steps": 80, "reward_scale": 0.2,
-    },  # fmt: skip
+        "nodes": 100,
+        "alpha": 0.95,
+        "beta": 3.0,
+        "iterations": 150,
+        "steps": 80,
+        "reward_scale": 0.2,
+    },
 }
 
 

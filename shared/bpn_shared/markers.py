@@ -20,7 +20,8 @@ class Disc:
 
     Attributes:
         rgb: its colour, which nothing else in the scene has.
-        radius_px: its radius in the image; where the distance varies, the middle of the range.
+        radius_px: its radius in the image; where perspective varies it, the mean where the frame's
+            border cuts it.
     """
 
     rgb: tuple[int, int, int]
@@ -28,4 +29,4 @@ class Disc:
 
 
 TRACKING_TARGET = Disc(rgb=(255, 160, 0), radius_px=12.0)
-PAN_TILT_MARKER = Disc(rgb=(0, 64, 255), radius_px=10.3)
+PAN_TILT_MARKER = Disc(rgb=(0, 64, 255), radius_px=11.0)

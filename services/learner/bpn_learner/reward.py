@@ -108,8 +108,6 @@ def _centroid_px(frames: Frames, index: int, level: int, name: str) -> tuple[flo
     return moments["m10"] / moments["m00"], moments["m01"] / moments["m00"]
 
 
-
-
 def _check(frames: Frames, channels: int) -> None:
     expected = (channels, IMAGE_SIZE_PX, IMAGE_SIZE_PX)
     if frames.dtype != np.uint8 or frames.shape[1:] != expected or len(frames) == 0:

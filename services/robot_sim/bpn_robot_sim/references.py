@@ -1,4 +1,4 @@
-"""What a learned policy is measured against in the tasks with a moving target: greedy play with the simulation's truth, and random play.
+"""What to measure a policy against where the target moves: play that knows the truth, and random play.
 
 `python -m bpn_robot_sim.references tracking` prints their returns. Greedy is no proven optimum: it looks one
 step ahead, which costs a little where the window or a unit is at its limit.
@@ -59,7 +59,9 @@ def main() -> None:
     parser.add_argument("--episodes", type=int, default=200, help="default: %(default)s")
     options = parser.parse_args()
     robot = cast(Follower, make_robot(options.task))
-    print(f"{options.task}, {options.episodes} episodes    return (px)    steps   lost  px per step")
+    print(
+        f"{options.task}, {options.episodes} episodes    return (px)    steps   lost  px per step"
+    )
     for policy in get_args(Policy):
         episodes = [
             play(robot, policy, seed, EPISODE_STEPS[options.task])

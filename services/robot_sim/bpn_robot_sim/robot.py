@@ -12,10 +12,11 @@ Info = dict[str, tuple[float, float]]
 class Robot(Protocol):
     """A robot with its camera.
 
-    Where nothing but the robot moves, `settle` takes as long as the servos need; where the target moves
-    too, exactly one control period, which is longer than they need. In lockstep one step is `command`, `settle`, `frame`; in realtime pacing it is `command` when an
-    action came in time, `advance(control period)`, `frame`. Equal seeds and calls give equal frames.
-    A frame is a new contiguous uint8[c, 84, 84] (`task.frame_shape`).
+    In lockstep one step is `command`, `settle`, `frame`; in realtime pacing it is `command` when an
+    action came in time, `advance(control period)`, `frame`. `settle` takes as long as the servos need where
+    nothing else moves; where the target moves too, exactly one control period, in which they are done.
+    Equal seeds and calls give equal frames. A frame is a new contiguous uint8[c, 84, 84]
+    (`task.frame_shape`).
     """
 
     @property

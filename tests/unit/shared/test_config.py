@@ -24,7 +24,14 @@ def test_the_reaching_preset_is_table_one() -> None:
         ("tracking", {"steps": 40, "reward_scale": 0.2}),
         (
             "pan_tilt",
-            {"nodes": 100, "alpha": 0.95, "beta": 3, "iterations": 150, "steps": 80, "reward_scale": 0.2},
+            {
+                "nodes": 100,
+                "alpha": 0.95,
+                "beta": 3,
+                "iterations": 150,
+                "steps": 80,
+                "reward_scale": 0.2,
+            },
         ),
     ],
 )

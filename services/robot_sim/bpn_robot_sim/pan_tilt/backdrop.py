@@ -54,7 +54,7 @@ def _fractal(random: np.random.Generator) -> Image:
         0.7**level * _smooth(random.uniform(-1, 1, (cells + 1, cells + 1)))
         for level, cells in enumerate(_OCTAVES)
     ]
-    return np.sum(octaves, axis=0)
+    return np.asarray(np.sum(octaves, axis=0))
 
 
 def _smooth(lattice: Image) -> Image:

@@ -75,7 +75,9 @@ def aim_deg(point_m: tuple[float, float, float]) -> Angles:
 
 
 def to_image(
-    point_m: npt.NDArray[np.float64], camera_m: npt.NDArray[np.float64], axes: npt.NDArray[np.float64]
+    point_m: npt.NDArray[np.float64],
+    camera_m: npt.NDArray[np.float64],
+    axes: npt.NDArray[np.float64],
 ) -> tuple[float, float]:
     """Where a pinhole camera sees a point in front of it.
 
