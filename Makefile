@@ -41,11 +41,11 @@ doctor: $(INSTALLED) ## what this machine has, for bug reports
 	$(BIN)/bpn doctor
 
 clean:           ## remove what `make` installed and built; runs stay
-	rm -rf $(VENV) services/edge/build services/edge/bpn_edge/kernel/*.so
+	rm -rf $(VENV) services/*/build services/edge/bpn_edge/kernel/*.so services/learner/bpn_learner/*.so
 
-# The compiled kernel is part of the editable install, so its sources are among the prerequisites.
+# The compiled kernels are part of the editable installs, so their sources are among the prerequisites.
 $(INSTALLED): constraints.txt pyproject.toml $(PACKAGES:%=%/pyproject.toml) \
-              services/edge/CMakeLists.txt $(wildcard services/edge/src/*)
+              $(foreach s,edge learner,services/$(s)/CMakeLists.txt $(wildcard services/$(s)/src/*))
 	sh deploy/local/check-system.sh $(PYTHON)
 	$(PYTHON) -m venv $(VENV)
 	$(PIP_INSTALL) pip
