@@ -78,14 +78,11 @@ def native_gradients(
         path or available_paths()[0], spec.channels, spec.nodes, spec.actions
     )
     vectors = (network.latent, network.gamma, network.beta)
-    vector_gradients = [torch.zeros_like(parameter) for parameter in vectors]
-    scale_gradient = torch.zeros_like(network.log_scale)
-    for parameter, gradient in zip(vectors, vector_gradients, strict=True):
-        parameter.grad = gradient
-    network.log_scale.grad = scale_gradient
+    parameters = (*vectors, network.log_scale)
+    grads = [torch.zeros_like(parameter) for parameter in parameters]
     # The kernel reads parameters and writes gradients in place: these arrays share the tensors' memory.
     values = [parameter.detach().numpy() for parameter in vectors]
-    into = [gradient.numpy() for gradient in vector_gradients]
+    into = [grad.numpy() for grad in grads[:-1]]
     observations, taken, targets = pixels.numpy(), actions.numpy(), y.numpy()
 
     def gradients(batch: Tensor) -> float:
@@ -93,7 +90,9 @@ def native_gradients(
             observations, batch.numpy(), taken, targets,
             *values, network.log_scale.item(), *into,
         )  # fmt: skip
-        scale_gradient.fill_(log_scale_gradient)
+        grads[-1].fill_(log_scale_gradient)
+        for parameter, grad in zip(parameters, grads, strict=True):
+            parameter.grad = grad
         return loss
 
     return gradients

@@ -1,5 +1,7 @@
 """The kernel's gradients are autograd's: every geometry, every instruction-set path, bit by bit repeatable."""
 
+import copy
+
 import numpy as np
 import pytest
 import torch
@@ -63,6 +65,21 @@ def margin(network: BinaryNetwork, pixels: Tensor) -> float:
     return nearest
 
 
+def exact_gradients(
+    network: BinaryNetwork, pixels: Tensor, actions: Tensor, y: Tensor, batch: Tensor
+) -> dict[str, Tensor]:
+    double = copy.deepcopy(network).double()
+    P = double(pixels[batch].double().permute(0, 3, 1, 2))
+    loss = (y[batch] - P.gather(1, actions[batch, None]).squeeze(1)).square().mean() / 2
+    loss.backward()
+    named = {name: p.grad for name, p in double.named_parameters() if p.grad is not None}
+    return {"loss": loss.detach(), **named}
+
+
+def distance(found: Tensor, exact: Tensor) -> float:
+    return float((found - exact).norm() / exact.norm().clamp_min(1e-12))
+
+
 @pytest.mark.parametrize("path", PATHS)
 @settings(max_examples=40, derandomize=True)
 @given(
@@ -80,13 +97,15 @@ def test_gradients_are_autograds(path: str, spec: NetworkSpec, B: int, seed: int
     batch = torch.randperm(TRANSITIONS, generator=torch.Generator().manual_seed(seed))[:B]
     # Closer, and float32's rounding decides which side of the jump a value is on.
     assume(margin(network, pixels[batch]) > 2e-6)
-    expected = named_gradients(network, autograd_gradients(network, pixels, actions, y), batch)
+    exact = exact_gradients(network, pixels, actions, y, batch)
+    plain = named_gradients(network, autograd_gradients(network, pixels, actions, y), batch)
     native = native_gradients(network, pixels, actions, y, path=path)
     found = named_gradients(network, native, batch)
-    assert found.keys() == expected.keys()
-    for name, gradient in expected.items():
-        error = float((found[name] - gradient).norm() / gradient.norm().clamp_min(1e-12))
-        assert error < 1e-4, f"{name}: {error}"
+    assert found.keys() == plain.keys() == exact.keys()
+    for name, gradient in exact.items():
+        # Two images leave batch norm after fc1 hardly a gradient: rounding is then all that is left of it.
+        rounding = distance(plain[name], gradient)
+        assert distance(found[name], gradient) < 2e-5 + 4 * rounding, f"{name}, autograd's: {rounding}"
 
 
 def test_the_brightest_pixels_overflow_nothing() -> None:
