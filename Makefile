@@ -30,8 +30,9 @@ format: $(INSTALLED) ## write code as ruff wants it
 	$(BIN)/ruff check --fix .
 	$(BIN)/ruff format .
 
-bench: $(INSTALLED) ## kernel and loop, side by side with what they are measured against
+bench: $(INSTALLED) ## kernel, learner and loop, side by side with what they are measured against
 	$(BIN)/bpn bench kernel
+	$(BIN)/bpn bench learner
 	$(BIN)/bpn bench loop
 
 learning: $(INSTALLED) ## the paper's reaching run on three seeds (about 15 minutes), with the plot in docs

@@ -61,7 +61,8 @@ class RunConfig(BaseModel):
     ] = 0.1
 
     engine: Annotated[
-        Engine, Field(description="of policy updates; plain: the readable reference, several times slower")
+        Engine,
+        Field(description="of policy updates; plain: the readable reference, several times slower"),
     ] = "fast"
 
     robots: Annotated[int, Field(ge=1, le=64, description="slots: robots, each with its edge")] = 1

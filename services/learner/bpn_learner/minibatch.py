@@ -41,9 +41,7 @@ def minibatch_gradients(
     return autograd_gradients(network, pixels, actions, y)
 
 
-def autograd_gradients(
-    network: PNetwork, pixels: Tensor, actions: Tensor, y: Tensor
-) -> Gradients:
+def autograd_gradients(network: PNetwork, pixels: Tensor, actions: Tensor, y: Tensor) -> Gradients:
     """By torch's autograd, for any network.
 
     Args:
@@ -56,7 +54,8 @@ def autograd_gradients(
         loss = (y[batch] - P_taken).square().mean() / 2  # J, section IV-C
         network.zero_grad()
         loss.backward()
-        return loss.detach()
+        mean: Tensor = loss.detach()
+        return mean
 
     return gradients
 
@@ -74,26 +73,23 @@ def native_gradients(
         ValueError: this machine cannot run that path, or the arrays are not of this network.
     """
     spec = network.spec
-    kernel = _native.Kernel(
-        path or available_paths()[0], spec.channels, spec.nodes, spec.actions
-    )
+    kernel = _native.Kernel(path or available_paths()[0], spec.channels, spec.nodes, spec.actions)
     vectors = (network.latent, network.gamma, network.beta)
     parameters = (*vectors, network.log_scale)
     grads = [torch.zeros_like(parameter) for parameter in parameters]
     # The kernel reads parameters and writes gradients in place: these arrays share the tensors' memory.
-    values = [parameter.detach().numpy() for parameter in vectors]
-    into = [grad.numpy() for grad in grads[:-1]]
+    latent, gamma, beta = (parameter.detach().numpy() for parameter in vectors)
+    d_latent, d_gamma, d_beta = (grad.numpy() for grad in grads[:-1])
     observations, taken, targets = pixels.numpy(), actions.numpy(), y.numpy()
 
     def gradients(batch: Tensor) -> float:
-        loss, log_scale_gradient = kernel.gradients(
+        loss, d_log_scale = kernel.gradients(
             observations, batch.numpy(), taken, targets,
-            *values, network.log_scale.item(), *into,
+            latent, gamma, beta, network.log_scale.item(), d_latent, d_gamma, d_beta,
         )  # fmt: skip
-        grads[-1].fill_(log_scale_gradient)
+        grads[-1].fill_(d_log_scale)
         for parameter, grad in zip(parameters, grads, strict=True):
             parameter.grad = grad
         return loss
 
     return gradients
-

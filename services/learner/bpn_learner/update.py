@@ -119,8 +119,7 @@ def policy_update(
     B, size = settings.batch, len(transitions)
     minibatches = minibatches_per_epoch(size, B)
     observations = transitions.gather(transitions.observations)
-    P_target = preferences(network, observations)  # theta- = theta, fixed for the whole update
-    P_next = preferences(network, transitions.gather(transitions.next_observations))
+    P_target, P_next = target_preferences(network, transitions)
     y = targets(transitions, P_target, P_next, settings)
     gradients = minibatch_gradients(settings.engine, network, observations, transitions.actions, y)
     losses: list[float] = []
@@ -181,6 +180,18 @@ def minibatches_per_epoch(size: int, batch: int) -> int:
     if size < 2:
         raise ValueError(f"D holds {size} transitions, a policy update needs at least 2")
     return max(1, (2 * size + batch - 1) // (2 * batch))
+
+
+def target_preferences(network: PNetwork, transitions: Transitions) -> tuple[Tensor, Tensor]:
+    """P-(s, .) and P-(s', .) of all of D, with theta- = theta as it is now.
+
+    Most s' are the s of the next transition: every observation is evaluated once.
+    """
+    both = torch.cat([transitions.observations, transitions.next_observations])
+    stacks, where = torch.unique(both, dim=0, return_inverse=True)
+    P = preferences(network, transitions.gather(stacks))
+    P_target, P_next = torch.split(P[where], len(transitions))
+    return P_target, P_next
 
 
 @torch.no_grad()

@@ -42,7 +42,9 @@ def data(spec: NetworkSpec, seed: int) -> tuple[Tensor, Tensor, Tensor]:
     return torch.from_numpy(pixels), torch.from_numpy(actions), torch.from_numpy(y)
 
 
-def named_gradients(network: BinaryNetwork, gradients: Gradients, batch: Tensor) -> dict[str, Tensor]:
+def named_gradients(
+    network: BinaryNetwork, gradients: Gradients, batch: Tensor
+) -> dict[str, Tensor]:
     network.zero_grad()
     loss = torch.as_tensor(float(gradients(batch)))
     named = {name: p.grad.clone() for name, p in network.named_parameters() if p.grad is not None}
@@ -84,7 +86,10 @@ def distance(found: Tensor, exact: Tensor) -> float:
 @settings(max_examples=40, derandomize=True)
 @given(
     spec=st.builds(
-        NetworkSpec, channels=st.integers(1, 16), nodes=st.integers(1, 130), actions=st.integers(2, 40)
+        NetworkSpec,
+        channels=st.integers(1, 16),
+        nodes=st.integers(1, 130),
+        actions=st.integers(2, 40),
     ),
     B=st.integers(2, TRANSITIONS),
     seed=st.integers(0, 1000),
@@ -105,7 +110,9 @@ def test_gradients_are_autograds(path: str, spec: NetworkSpec, B: int, seed: int
     for name, gradient in exact.items():
         # Two images leave batch norm after fc1 hardly a gradient: rounding is then all that is left of it.
         rounding = distance(plain[name], gradient)
-        assert distance(found[name], gradient) < 2e-5 + 4 * rounding, f"{name}, autograd's: {rounding}"
+        assert distance(found[name], gradient) < 2e-5 + 4 * rounding, (
+            f"{name}, autograd's: {rounding}"
+        )
 
 
 def test_the_brightest_pixels_overflow_nothing() -> None:

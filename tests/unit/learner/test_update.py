@@ -24,6 +24,7 @@ from bpn_learner.update import (
     policy_update,
     preferences,
     set_learning_rate,
+    target_preferences,
     targets,
 )
 from bpn_shared.bnn import golden
@@ -110,12 +111,7 @@ def test_targets_are_cvis_of_the_folded_network(mask: bool) -> None:
             for f in data.frames
         ]
     ).float()
-    y = targets(
-        data,
-        preferences(network, data.gather(data.observations)),
-        preferences(network, data.gather(data.next_observations)),
-        settings,
-    )
+    y = targets(data, *target_preferences(network, data), settings)
     expected = cvi_target(
         data.rewards, P[:-1], data.actions, P[1:], alpha=0.9, beta=2.0, gamma=0.8,
         done=data.done if mask else None,
