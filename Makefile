@@ -30,8 +30,9 @@ format: $(INSTALLED) ## write code as ruff wants it
 	$(BIN)/ruff check --fix .
 	$(BIN)/ruff format .
 
-bench: $(INSTALLED) ## kernel and loop, side by side with what they are measured against
+bench: $(INSTALLED) ## kernel, learner and loop, side by side with what they are measured against
 	$(BIN)/bpn bench kernel
+	$(BIN)/bpn bench learner
 	$(BIN)/bpn bench loop
 
 learning: $(INSTALLED) ## the paper's reaching run on three seeds (about 15 minutes), with the plot in docs
@@ -41,11 +42,11 @@ doctor: $(INSTALLED) ## what this machine has, for bug reports
 	$(BIN)/bpn doctor
 
 clean:           ## remove what `make` installed and built; runs stay
-	rm -rf $(VENV) services/edge/build services/edge/bpn_edge/kernel/*.so
+	rm -rf $(VENV) services/*/build services/edge/bpn_edge/kernel/*.so services/learner/bpn_learner/*.so
 
-# The compiled kernel is part of the editable install, so its sources are among the prerequisites.
+# The compiled kernels are part of the editable installs, so their sources are among the prerequisites.
 $(INSTALLED): constraints.txt pyproject.toml $(PACKAGES:%=%/pyproject.toml) \
-              services/edge/CMakeLists.txt $(wildcard services/edge/src/*)
+              $(foreach s,edge learner,services/$(s)/CMakeLists.txt $(wildcard services/$(s)/src/*))
 	sh deploy/local/check-system.sh $(PYTHON)
 	$(PYTHON) -m venv $(VENV)
 	$(PIP_INSTALL) pip

@@ -10,6 +10,7 @@ from bpn_shared.tasks import Task, task_named
 Pacing = Literal["lockstep", "realtime"]
 Kernel = Literal["native", "golden"]
 Algorithm = Literal["bpn", "bqn"]
+Engine = Literal["fast", "plain"]
 
 MAX_STEPS = 1000
 
@@ -58,6 +59,11 @@ class RunConfig(BaseModel):
     reward_scale: Annotated[
         float, Field(gt=0, le=1e3, description="factor on rewards in pixels before learning")
     ] = 0.1
+
+    engine: Annotated[
+        Engine,
+        Field(description="of policy updates; plain: the readable reference, several times slower"),
+    ] = "fast"
 
     robots: Annotated[int, Field(ge=1, le=64, description="slots: robots, each with its edge")] = 1
     pacing: Annotated[

@@ -76,6 +76,7 @@ class Training:
             target="cvi" if config.algorithm == "bpn" else "dqn",
             mask_terminals=config.mask_terminals,
             learning_rate_final=config.learning_rate_final,
+            engine=config.engine,
         )
         self._data: deque[list[EpisodeData]] = deque(maxlen=config.datasets)  # D
 

@@ -12,8 +12,10 @@ from torch import Tensor
 
 from bpn_learner.calibrate import reestimate_batch_norm
 from bpn_learner.cvi import cvi_target, dqn_target
+from bpn_learner.minibatch import minibatch_gradients
 from bpn_learner.networks import BinaryNetwork, PNetwork
 from bpn_learner.transitions import Transitions
+from bpn_shared.config import Engine
 
 EVALUATION_BATCH = 256
 SCALE_RATE_FACTOR = 10.0
@@ -37,6 +39,7 @@ class PolicyUpdate:
         target: "cvi" (BPN, CVI) or "dqn" (BQN, DQN).
         mask_terminals: no bootstrap from failures; Algorithm 1 as printed bootstraps from every s'.
         learning_rate_final: share of the learning rate in an update's last epoch; falls along a cosine.
+        engine: what computes the minibatches' gradients, see `minibatch_gradients`.
     """
 
     alpha: float = 0.95
@@ -47,6 +50,7 @@ class PolicyUpdate:
     target: Literal["cvi", "dqn"] = "cvi"
     mask_terminals: bool = False
     learning_rate_final: float = 1.0
+    engine: Engine = "fast"
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,10 +119,9 @@ def policy_update(
     B, size = settings.batch, len(transitions)
     minibatches = minibatches_per_epoch(size, B)
     observations = transitions.gather(transitions.observations)
-    P_target = preferences(network, observations)  # theta- = theta, fixed for the whole update
-    P_next = preferences(network, transitions.gather(transitions.next_observations))
+    P_target, P_next = target_preferences(network, transitions)
     y = targets(transitions, P_target, P_next, settings)
-    pixels = observations.permute(0, 2, 3, 1)  # rows that index_select copies whole
+    gradients = minibatch_gradients(settings.engine, network, observations, transitions.actions, y)
     losses: list[float] = []
 
     network.train()
@@ -129,15 +132,9 @@ def policy_update(
         order = torch.from_numpy(rng.permutation(size))
         total = torch.zeros(())
         for k in range(minibatches):
-            batch = order[B * k : B * (k + 1)]
-            P = network(pixels.index_select(0, batch).float().permute(0, 3, 1, 2))
-            P_taken = P.gather(1, transitions.actions[batch, None]).squeeze(1)
-            loss = (y[batch] - P_taken).square().mean() / 2  # J, section IV-C
-            optimizer.zero_grad()
-            loss.backward()
+            total += gradients(order[B * k : B * (k + 1)])
             optimizer.step()
             network.clip_latent_weights()
-            total += loss.detach()
         losses.append(_finite(float(total) / minibatches, network))
         if progress is not None:
             progress(epoch + 1, settings.epochs)
@@ -183,6 +180,18 @@ def minibatches_per_epoch(size: int, batch: int) -> int:
     if size < 2:
         raise ValueError(f"D holds {size} transitions, a policy update needs at least 2")
     return max(1, (2 * size + batch - 1) // (2 * batch))
+
+
+def target_preferences(network: PNetwork, transitions: Transitions) -> tuple[Tensor, Tensor]:
+    """P-(s, .) and P-(s', .) of all of D, with theta- = theta as it is now.
+
+    Most s' are the s of the next transition: every observation is evaluated once.
+    """
+    both = torch.cat([transitions.observations, transitions.next_observations])
+    stacks, where = torch.unique(both, dim=0, return_inverse=True)
+    P = preferences(network, transitions.gather(stacks))
+    P_target, P_next = torch.split(P[where], len(transitions))
+    return P_target, P_next
 
 
 @torch.no_grad()

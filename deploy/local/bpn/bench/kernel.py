@@ -6,11 +6,9 @@ same geometry with float weights, biases and ReLU, and are given their input as 
 """
 
 import json
-import os
 import statistics
 import sys
-from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable
 from functools import partial
 from importlib.metadata import version
 from time import perf_counter_ns
@@ -21,7 +19,7 @@ import numpy.typing as npt
 from rich.console import Console
 from rich.table import Table
 
-from bpn.bench.machine import machine
+from bpn.bench.machine import machine, one_core
 from bpn.bench.peers import FloatNetwork, onnxruntime_inference, torch_inference
 from bpn_edge.kernel import Kernel
 from bpn_edge.kernel.golden import GoldenKernel
@@ -57,7 +55,7 @@ def run(repeats: int = ROUNDS) -> dict[str, Any]:
     for path in available_paths():
         _check_exactness(path, rng)
     measured_on = machine()  # its load before the measurement adds its own
-    with _one_core():
+    with one_core():
         candidates = _candidates(rng)
         rounds = [
             {name: _time_us(call) for name, call in candidates.items()} for _ in range(repeats)
@@ -130,16 +128,6 @@ def _time_us(call: Inference) -> dict[str, float]:
         times_ns[index] = perf_counter_ns() - start_ns
     p50_ns, p99_ns = np.percentile(times_ns, (50, 99))
     return {"p50": p50_ns / 1e3, "p99": p99_ns / 1e3}
-
-
-@contextmanager
-def _one_core() -> Iterator[None]:
-    allowed = os.sched_getaffinity(0)
-    os.sched_setaffinity(0, {max(allowed)})
-    try:
-        yield
-    finally:
-        os.sched_setaffinity(0, allowed)
 
 
 def main(*, as_json: bool) -> int:

@@ -7,7 +7,7 @@ from typing import Any, Self
 import numpy as np
 import numpy.typing as npt
 
-from bpn_shared.bnn.spec import Layer, NetworkSpec
+from bpn_shared.bnn.spec import MAX_PIXEL, Layer, NetworkSpec
 
 Floats = npt.NDArray[np.float32]
 _OPSET = 17
@@ -133,3 +133,68 @@ def torch_inference(network: FloatNetwork, pixels: Floats) -> Callable[[], Float
         return outputs
 
     return infer
+
+
+def stable_baselines3_updates(
+    spec: NetworkSpec, transitions: int, batch: int
+) -> Callable[[int], None]:
+    """Gradient steps of Stable-Baselines3's DQN with the geometry in float, from its full replay buffer.
+
+    Returns:
+        A function of the number of gradient steps to take.
+    """
+    try:
+        import gymnasium as gym  # noqa: PLC0415
+        import torch  # noqa: PLC0415
+        from stable_baselines3 import DQN  # noqa: PLC0415
+        from stable_baselines3.common.logger import Logger  # noqa: PLC0415
+        from stable_baselines3.common.torch_layers import BaseFeaturesExtractor  # noqa: PLC0415
+    except ImportError as error:
+        raise _missing(error, "'bpn[bench]'") from error
+
+    class Features(BaseFeaturesExtractor):  # type: ignore[misc]
+        """Conv(8,4,8), Conv(4,2,16), Conv(3,1,16)."""
+
+        def __init__(self, observation_space: Any) -> None:
+            convolutions = [layer for layer in spec.layers if _is_convolution(layer)]
+            super().__init__(observation_space, spec.layers[len(convolutions)].fan_in)
+            parts: list[torch.nn.Module] = []
+            for layer in convolutions:
+                parts += [
+                    torch.nn.Conv2d(
+                        layer.in_channels, layer.out_channels, layer.kernel, layer.stride
+                    ),
+                    torch.nn.ReLU(),
+                ]
+            self.parts = torch.nn.Sequential(*parts, torch.nn.Flatten())
+
+        def forward(self, pixels: torch.Tensor) -> torch.Tensor:
+            features: torch.Tensor = self.parts(pixels)
+            return features
+
+    class Environment(gym.Env[npt.NDArray[np.uint8], np.int64]):
+        """Has spaces; is never stepped."""
+
+        observation_space = gym.spaces.Box(0, MAX_PIXEL, spec.observation_shape, np.uint8)
+        action_space = gym.spaces.Discrete(spec.actions)
+
+    model = DQN(
+        "CnnPolicy",
+        Environment(),
+        buffer_size=transitions,
+        batch_size=batch,
+        policy_kwargs={"features_extractor_class": Features, "net_arch": [spec.nodes]},
+        device="cpu",
+        seed=0,
+    )
+    model.set_logger(Logger(None, []))
+    rng = np.random.default_rng(0)
+    for _ in range(transitions):
+        now, after = rng.integers(0, MAX_PIXEL + 1, (2, 1, *spec.observation_shape), np.uint8)
+        action = rng.integers(spec.actions, size=(1, 1))
+        model.replay_buffer.add(now, after, action, rng.normal(size=1), np.zeros(1), [{}])
+
+    def updates(count: int) -> None:
+        model.train(count, batch)
+
+    return updates

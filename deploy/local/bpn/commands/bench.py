@@ -5,8 +5,10 @@ import importlib
 
 
 def add(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
-    parser = subparsers.add_parser("bench", help="measure kernel or loop", description=__doc__)
-    parser.add_argument("what", choices=("kernel", "loop"))
+    parser = subparsers.add_parser(
+        "bench", help="measure kernel, learner or loop", description=__doc__
+    )
+    parser.add_argument("what", choices=("kernel", "learner", "loop"))
     parser.add_argument("--json", action="store_true", help="print one JSON object")
     parser.set_defaults(run=run)
 

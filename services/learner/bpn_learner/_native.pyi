@@ -1,0 +1,22 @@
+import numpy as np
+import numpy.typing as npt
+
+def available_paths() -> list[str]: ...
+
+class Kernel:
+    def __init__(self, path: str, channels: int, nodes: int, actions: int, /) -> None: ...
+    def gradients(
+        self,
+        observations: npt.NDArray[np.uint8],
+        batch: npt.NDArray[np.int64],
+        actions: npt.NDArray[np.int64],
+        targets: npt.NDArray[np.float32],
+        latent: npt.NDArray[np.float32],
+        gamma: npt.NDArray[np.float32],
+        beta: npt.NDArray[np.float32],
+        log_scale: float,
+        latent_gradient: npt.NDArray[np.float32],
+        gamma_gradient: npt.NDArray[np.float32],
+        beta_gradient: npt.NDArray[np.float32],
+        /,
+    ) -> tuple[float, float]: ...

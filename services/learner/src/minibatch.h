@@ -1,0 +1,64 @@
+// What one minibatch reads, computes and leaves: plain pointers, so that every path can be compiled with
+// its own instructions and nothing of it is shared with another.
+#pragma once
+
+#include <cstdint>
+
+#include "geometry.h"
+
+namespace bpn {
+
+struct Batch {
+  int size;
+  const uint8_t* const* pixels;  // per image: [row][column][channel], readable kSlack bytes beyond its end
+  const int64_t* actions;
+  const float* targets;
+};
+constexpr int kSlack = 64;
+
+struct Parameters {
+  const float *latent, *gamma, *beta;
+  float log_scale;
+};
+
+struct Gradients {
+  float *latent, *gamma, *beta;
+  float log_scale, loss;
+};
+
+// Scratch. For layer l: signs [width][fan_in]; transposed [fan_in][width] of the convolutions 2 and 3;
+// inputs x_l [image][position][channel] from layer 2 on; normalized o_l, and the gradient of o_l, both
+// [image][position][width]; the gradient of the signs [width][rows][padded run].
+struct Workspace {
+  float* signs[kLayers];
+  float* transposed[kLayers];
+  float* inputs[kLayers];
+  float* normalized[kLayers];
+  float* gradients[kLayers];
+  float* sign_gradients[kLayers];
+  float* norm_scale[kNorms];  // 1 / sqrt(var + epsilon), [width]
+  float* gamma[kNorms];       // padded with zeros
+  float* beta[kNorms];
+  int8_t* pixel_signs;        // conv1's, [row][eight inputs][output][input]
+};
+
+using Minibatch = void(const Geometry&, const Batch&, const Parameters&, const Workspace&, Gradients&);
+
+struct Path {
+  const char* name;
+  bool (*supported)();  // by this processor and its operating system
+  Minibatch* gradients;
+};
+
+// All compiled paths, best first; the last one runs anywhere.
+struct PathList {
+  const Path* first;
+  int count;
+};
+PathList compiled_paths();
+
+Minibatch gradients_avx512_vnni;
+Minibatch gradients_avx2;
+Minibatch gradients_portable;
+
+}  // namespace bpn

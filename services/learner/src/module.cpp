@@ -1,0 +1,161 @@
+// The Python side of the minibatch kernel: bpn_learner._native.
+#include <nanobind/nanobind.h>
+#include <nanobind/ndarray.h>
+#include <nanobind/stl/string.h>
+#include <nanobind/stl/vector.h>
+
+#include <cstring>
+#include <memory>
+#include <new>
+#include <string>
+#include <vector>
+
+#include "minibatch.h"
+
+namespace nb = nanobind;
+
+namespace bpn {
+namespace {
+
+template <class Value, int Dimensions>
+using Array = nb::ndarray<Value, nb::ndim<Dimensions>, nb::c_contig, nb::device::cpu>;
+
+constexpr size_t kAlignment = 64;
+
+struct Free {
+  void operator()(void* memory) const { ::operator delete(memory, std::align_val_t{kAlignment}); }
+};
+
+// Zeroed memory at a cache line's start, wherever the process's other memory lies.
+class Arena {
+ public:
+  float* floats(size_t count) { return static_cast<float*>(bytes(count * sizeof(float))); }
+  void* bytes(size_t count) {
+    blocks_.emplace_back(::operator new(count, std::align_val_t{kAlignment}));
+    return std::memset(blocks_.back().get(), 0, count);
+  }
+
+ private:
+  std::vector<std::unique_ptr<void, Free>> blocks_;
+};
+
+Minibatch* find(const std::string& path) {
+  const PathList paths = compiled_paths();
+  for (int i = 0; i < paths.count; ++i)
+    if (path == paths.first[i].name && paths.first[i].supported()) return paths.first[i].gradients;
+  throw nb::value_error(("this machine cannot run the path " + path).c_str());
+}
+
+int checked(const char* name, int value, int high) {
+  if (value >= 1 && value <= high) return value;
+  throw nb::value_error(
+      (std::string(name) + " = " + std::to_string(value) + " is outside 1.." + std::to_string(high)).c_str());
+}
+
+class Kernel {
+ public:
+  Kernel(const std::string& path, int channels, int nodes, int actions)
+      : gradients_(find(path)),
+        geometry_(checked("channels", channels, kMaxChannels), checked("nodes", nodes, kMaxNodes),
+                  checked("actions", actions, kMaxActions)) {
+    for (int l = 0; l < kLayers; ++l) {
+      const Layer& layer = geometry_.layers[l];
+      weights_ += size_t(layer.outputs) * geometry_.true_fan_in(l);
+      if (l < kNorms) norms_ += layer.outputs;
+      work_.signs[l] = fixed_.floats(size_t(layer.width) * layer.fan_in());
+      work_.sign_gradients[l] = fixed_.floats(size_t(layer.width) * layer.rows * padded(layer.run));
+      const bool transposed = l > 0 && layer.size > 1;
+      work_.transposed[l] = transposed ? fixed_.floats(size_t(layer.width) * layer.fan_in()) : nullptr;
+      if (l == kNorms) continue;
+      work_.norm_scale[l] = fixed_.floats(layer.width);
+      work_.gamma[l] = fixed_.floats(layer.width);
+      work_.beta[l] = fixed_.floats(layer.width);
+    }
+    const Layer& conv1 = geometry_.layers[0];
+    work_.pixel_signs = static_cast<int8_t*>(fixed_.bytes(size_t(conv1.width) * conv1.fan_in()));
+    padded_image_ = static_cast<uint8_t*>(fixed_.bytes(size_t(conv1.image) + kSlack));
+  }
+
+  Kernel(const Kernel&) = delete;
+
+  nb::tuple gradients(const Array<const uint8_t, 4>& observations, const Array<const int64_t, 1>& batch,
+                      const Array<const int64_t, 1>& actions, const Array<const float, 1>& targets,
+                      const Array<const float, 1>& latent, const Array<const float, 1>& gamma,
+                      const Array<const float, 1>& beta, float log_scale, const Array<float, 1>& d_latent,
+                      const Array<float, 1>& d_gamma, const Array<float, 1>& d_beta) {
+    const Layer& conv1 = geometry_.layers[0];
+    const size_t n = observations.shape(0), B = batch.shape(0);
+    if (observations.shape(1) != kImagePx || observations.shape(2) != kImagePx ||
+        observations.shape(3) * kImagePx != size_t(conv1.row_stride))
+      throw nb::value_error("observations have not the network's shape uint8[n, 84, 84, C]");
+    if (actions.shape(0) != n || targets.shape(0) != n)
+      throw nb::value_error("observations, actions and targets have different lengths");
+    if (latent.shape(0) != weights_ || d_latent.shape(0) != weights_ || gamma.shape(0) != norms_ ||
+        beta.shape(0) != norms_ || d_gamma.shape(0) != norms_ || d_beta.shape(0) != norms_)
+      throw nb::value_error("parameters or gradients have not the network's sizes");
+    if (B < 1) throw nb::value_error("a minibatch needs at least 1 transition");
+    images_.resize(B), actions_.resize(B), targets_.resize(B);
+    for (size_t b = 0; b < B; ++b) {
+      const int64_t i = batch.data()[b];
+      if (i < 0 || size_t(i) >= n) throw nb::index_error("the minibatch names a transition outside D");
+      actions_[b] = actions.data()[i];
+      if (actions_[b] < 0 || actions_[b] >= geometry_.layers[kNorms].outputs)
+        throw nb::index_error("an action is outside the network's");
+      images_[b] = observations.data() + size_t(i) * conv1.image;
+      targets_[b] = targets.data()[i];
+      if (size_t(i) == n - 1)  // nothing may be read behind the last one
+        images_[b] = static_cast<uint8_t*>(std::memcpy(padded_image_, images_[b], conv1.image));
+    }
+    reserve(B);
+    Gradients out{d_latent.data(), d_gamma.data(), d_beta.data(), 0, 0};
+    {
+      nb::gil_scoped_release without_gil;
+      gradients_(geometry_, {int(B), images_.data(), actions_.data(), targets_.data()},
+                 {latent.data(), gamma.data(), beta.data(), log_scale}, work_, out);
+    }
+    return nb::make_tuple(out.loss, out.log_scale);
+  }
+
+ private:
+  void reserve(size_t B) {
+    if (B <= capacity_) return;
+    capacity_ = B;
+    images_memory_ = Arena();
+    for (int l = 0; l < kLayers; ++l) {
+      const Layer& layer = geometry_.layers[l];
+      const size_t values = B * layer.positions() * layer.width;
+      work_.normalized[l] = images_memory_.floats(values);
+      work_.gradients[l] = images_memory_.floats(values);
+      work_.inputs[l] = l ? images_memory_.floats(B * layer.image) : nullptr;
+    }
+  }
+
+  Minibatch* gradients_;
+  Geometry geometry_;
+  Arena fixed_, images_memory_;
+  Workspace work_{};
+  size_t weights_ = 0, norms_ = 0, capacity_ = 0;
+  uint8_t* padded_image_;
+  std::vector<const uint8_t*> images_;
+  std::vector<int64_t> actions_;
+  std::vector<float> targets_;
+};
+
+std::vector<std::string> available_paths() {
+  std::vector<std::string> names;
+  const PathList paths = compiled_paths();
+  for (int i = 0; i < paths.count; ++i)
+    if (paths.first[i].supported()) names.emplace_back(paths.first[i].name);
+  return names;
+}
+
+}  // namespace
+}  // namespace bpn
+
+NB_MODULE(_native, module) {
+  nb::set_leak_warnings(false);  // a kernel that is still held when the interpreter ends is no leak
+  module.def("available_paths", &bpn::available_paths);
+  nb::class_<bpn::Kernel>(module, "Kernel")
+      .def(nb::init<const std::string&, int, int, int>())
+      .def("gradients", &bpn::Kernel::gradients);
+}

@@ -1,0 +1,77 @@
+// Batch norm with the minibatch's statistics and Sign, forward and backward, eight channels at a time.
+#pragma once
+
+#include <cmath>
+
+#include "vectors.h"
+
+namespace bpn {
+namespace {
+
+using Eight = float __attribute__((vector_size(32)));
+using EightDoubles = double __attribute__((vector_size(64)));
+using EightInts = int32_t __attribute__((vector_size(32)));
+
+constexpr double kEpsilon = 1e-5;
+constexpr float kPassBound = 1.0f + 0x1p-23f;  // the straight-through gradient passes where |z| <= this
+
+inline EightDoubles as_doubles(Eight v) { return __builtin_convertvector(v, EightDoubles); }
+inline Eight as_floats(EightDoubles v) { return __builtin_convertvector(v, Eight); }
+
+// o [n][width] becomes normalized, s its sign after gamma and beta. The sums of integers and of their
+// squares are exact in double: the statistics do not depend on any order.
+inline void normalize(int n, int width, float* o, const float* gamma, const float* beta, float* norm_scale,
+                      float* s) {
+  for (int c = 0; c < width; c += 8) {
+    EightDoubles sum = {}, squares = {};
+    for (int i = 0; i < n; ++i) {
+      const EightDoubles value = as_doubles(loaded<Eight>(o + i * width + c));
+      sum += value;
+      squares += value * value;
+    }
+    const EightDoubles mean = sum / double(n);
+    EightDoubles scale;
+    for (int k = 0; k < 8; ++k) {
+      const double variance = squares[k] / n - mean[k] * mean[k];
+      scale[k] = 1 / std::sqrt((variance > 0 ? variance : 0) + kEpsilon);
+    }
+    store(norm_scale + c, as_floats(scale));
+    const Eight a = loaded<Eight>(gamma + c), b = loaded<Eight>(beta + c);
+    for (int i = 0; i < n; ++i) {
+      float* at = o + i * width + c;
+      const Eight normalized = as_floats((as_doubles(loaded<Eight>(at)) - mean) * scale);
+      store(at, normalized);
+      const Eight z = normalized * a + b;
+      store(s + i * width + c, z >= 0 ? Eight{} + 1 : Eight{} - 1);
+    }
+  }
+}
+
+// g, the gradient of s, becomes that of o; the sums for gamma and beta are left in theirs.
+inline void normalize_back(int n, int width, float* g, const float* normalized, const float* gamma,
+                           const float* beta, const float* norm_scale, float* d_gamma, float* d_beta) {
+  for (int c = 0; c < width; c += 8) {
+    const Eight a = loaded<Eight>(gamma + c), b = loaded<Eight>(beta + c);
+    EightDoubles sum = {}, products = {};
+    for (int i = 0; i < n; ++i) {
+      const Eight x = loaded<Eight>(normalized + i * width + c);
+      const Eight z = x * a + b;
+      Eight passed = loaded<Eight>(g + i * width + c);
+      passed = (z < kPassBound) & (z > -kPassBound) ? passed : Eight{};
+      store(g + i * width + c, passed);
+      sum += as_doubles(passed);
+      products += as_doubles(passed * x);
+    }
+    store(d_beta + c, as_floats(sum));
+    store(d_gamma + c, as_floats(products));
+    const Eight mean = as_floats(sum / double(n)), slope = as_floats(products / double(n));
+    const Eight scale = a * loaded<Eight>(norm_scale + c);
+    for (int i = 0; i < n; ++i) {
+      float* at = g + i * width + c;
+      store(at, scale * (loaded<Eight>(at) - mean - slope * loaded<Eight>(normalized + i * width + c)));
+    }
+  }
+}
+
+}  // namespace
+}  // namespace bpn

@@ -1,0 +1,11 @@
+// What every machine of the architecture has: SSE2, NEON.
+#include "gradients.h"
+
+namespace bpn {
+
+void gradients_portable(const Geometry& geometry, const Batch& batch, const Parameters& in, const Workspace& work,
+                  Gradients& out) {
+  gradients(geometry, batch, in, work, out);
+}
+
+}  // namespace bpn

@@ -1,0 +1,86 @@
+// conv1's outputs: unsigned bytes times signs, eight inputs of one kernel row at a time, exact.
+#pragma once
+
+#if defined(__AVX2__)
+#include <immintrin.h>
+#endif
+
+#include "geometry.h"
+#include "vectors.h"
+
+namespace bpn {
+namespace {
+
+// Sums of eight outputs. `add` takes eight neighbouring pixels and their signs [output][input].
+#if defined(__AVX512VNNI__)
+constexpr int kColumns = 10;  // positions at a time; divides conv1's 20
+struct Sums {
+  __m512i pairs = _mm512_setzero_si512();  // two sums of four products for each output
+
+  void add(const uint8_t* pixels, const int8_t* signs) {
+    const __m512i x = _mm512_set1_epi64(loaded<int64_t>(pixels));
+    pairs = _mm512_dpbusd_epi32(pairs, x, _mm512_loadu_si512(signs));
+  }
+  void store_to(float* o) const {
+    const __m256i even = _mm512_cvtepi64_epi32(pairs);
+    const __m256i odd = _mm512_cvtepi64_epi32(_mm512_srli_epi64(pairs, 32));
+    _mm256_storeu_ps(o, _mm256_cvtepi32_ps(_mm256_add_epi32(even, odd)));
+  }
+};
+#elif defined(__AVX2__)
+constexpr int kColumns = 4;
+struct Sums {
+  __m256i low = _mm256_setzero_si256(), high = _mm256_setzero_si256();
+
+  static __m256i dot(__m256i x, const int8_t* signs) {  // |two products| <= 510: no saturation
+    const __m256i w = _mm256_loadu_si256(reinterpret_cast<const __m256i*>(signs));
+    return _mm256_madd_epi16(_mm256_maddubs_epi16(x, w), _mm256_set1_epi16(1));
+  }
+  void add(const uint8_t* pixels, const int8_t* signs) {
+    const __m256i x = _mm256_set1_epi64x(loaded<int64_t>(pixels));
+    low = _mm256_add_epi32(low, dot(x, signs));
+    high = _mm256_add_epi32(high, dot(x, signs + 32));
+  }
+  void store_to(float* o) const {
+    const __m256i mixed = _mm256_hadd_epi32(low, high);
+    _mm256_storeu_ps(o, _mm256_cvtepi32_ps(_mm256_permute4x64_epi64(mixed, 0xd8)));
+  }
+};
+#else
+constexpr int kColumns = 1;
+struct Sums {
+  using Shorts = int16_t __attribute__((vector_size(16)));
+  using Pixels = uint8_t __attribute__((vector_size(8)));
+  using Signs = int8_t __attribute__((vector_size(8)));
+  Shorts lanes[kConv1Outputs] = {};  // at most 8 kernel rows x 16 channels x 255 = 32640 in a lane
+
+  void add(const uint8_t* pixels, const int8_t* signs) {
+    const Shorts x = __builtin_convertvector(loaded<Pixels>(pixels), Shorts);
+    for (int n = 0; n < kConv1Outputs; ++n)
+      lanes[n] += x * __builtin_convertvector(loaded<Signs>(signs + 8 * n), Shorts);
+  }
+  void store_to(float* o) const {
+    for (int n = 0; n < kConv1Outputs; ++n) {
+      int sum = 0;
+      for (int i = 0; i < 8; ++i) sum += lanes[n][i];
+      o[n] = static_cast<float>(sum);
+    }
+  }
+};
+#endif
+
+inline void convolve_pixels(const Layer& l, const uint8_t* image, const int8_t* signs, float* o) {
+  for (int y = 0; y < l.size; ++y)
+    for (int x = 0; x < l.size; x += kColumns) {
+      Sums sums[kColumns];
+      const uint8_t* patch = image + y * l.step_y + x * l.step_x;
+      const int8_t* w = signs;
+      for (int i = 0; i < l.rows; ++i)
+        for (int k = 0; k < l.run; k += 8, w += 8 * kConv1Outputs)
+          for (int c = 0; c < kColumns; ++c) sums[c].add(patch + i * l.row_stride + c * l.step_x + k, w);
+      for (int c = 0; c < kColumns; ++c) sums[c].store_to(o + (y * l.size + x + c) * kConv1Outputs);
+    }
+}
+
+}  // namespace
+}  // namespace bpn

@@ -1,0 +1,200 @@
+"""The kernel's gradients are autograd's: every geometry, every instruction-set path, bit by bit repeatable."""
+
+import copy
+
+import numpy as np
+import pytest
+import torch
+from hypothesis import assume, example, given, settings
+from hypothesis import strategies as st
+from torch import Tensor
+from torch.nn import functional
+
+from bpn_learner.minibatch import (
+    Gradients,
+    autograd_gradients,
+    available_paths,
+    minibatch_gradients,
+    native_gradients,
+)
+from bpn_learner.networks import BATCH_NORM_EPSILON, BinaryNetwork, FloatNetwork, dot_products
+from bpn_learner.update import make_optimizer
+from bpn_shared.bnn.spec import NetworkSpec
+
+TRANSITIONS = 12
+PATHS = available_paths()
+
+
+def binary_network(spec: NetworkSpec, seed: int) -> BinaryNetwork:
+    generator = torch.Generator().manual_seed(seed)
+    network = BinaryNetwork(spec, scale_initial=0.2, generator=generator).train()
+    network.latent.data.uniform_(-1.2, 1.2, generator=generator)  # some beyond the gate of Sign
+    network.gamma.data.normal_(generator=generator)
+    network.beta.data.normal_(generator=generator)
+    return network
+
+
+def data(spec: NetworkSpec, seed: int) -> tuple[Tensor, Tensor, Tensor]:
+    rng = np.random.default_rng(seed)
+    pixels = rng.integers(0, 256, (TRANSITIONS, 84, 84, spec.channels), np.uint8)
+    actions = rng.integers(0, spec.actions, TRANSITIONS)
+    y = rng.normal(size=TRANSITIONS).astype(np.float32)
+    return torch.from_numpy(pixels), torch.from_numpy(actions), torch.from_numpy(y)
+
+
+def named_gradients(
+    network: BinaryNetwork, gradients: Gradients, batch: Tensor
+) -> dict[str, Tensor]:
+    network.zero_grad()
+    loss = torch.as_tensor(float(gradients(batch)))
+    named = {name: p.grad.clone() for name, p in network.named_parameters() if p.grad is not None}
+    return {"loss": loss, **named}
+
+
+@torch.no_grad()
+def margin(network: BinaryNetwork, pixels: Tensor) -> float:
+    """How far the nearest normalized value is from where Sign or its gradient jumps, in float64."""
+    sizes = [layer.out_channels for layer in network.spec.layers[:-1]]
+    gammas, betas = network.gamma.double().split(sizes), network.beta.double().split(sizes)
+    x, nearest = pixels.double().permute(0, 3, 1, 2), float("inf")
+    for layer, signs, gamma, beta in zip(
+        network.spec.layers, network.signs(), gammas, betas, strict=False
+    ):
+        o = dot_products(layer, signs.double(), x)
+        z = functional.batch_norm(o, None, None, gamma, beta, training=True, eps=BATCH_NORM_EPSILON)
+        nearest = min(nearest, float(z.abs().min()), float((z.abs() - 1).abs().min()))
+        x = torch.where(z >= 0, 1.0, -1.0).double()
+    return nearest
+
+
+def exact_gradients(
+    network: BinaryNetwork, pixels: Tensor, actions: Tensor, y: Tensor, batch: Tensor
+) -> dict[str, Tensor]:
+    double = copy.deepcopy(network).double()
+    P = double(pixels[batch].double().permute(0, 3, 1, 2))
+    loss = (y[batch] - P.gather(1, actions[batch, None]).squeeze(1)).square().mean() / 2
+    loss.backward()
+    named = {name: p.grad for name, p in double.named_parameters() if p.grad is not None}
+    return {"loss": loss.detach(), **named}
+
+
+def distance(found: Tensor, exact: Tensor) -> float:
+    return float((found - exact).norm() / exact.norm().clamp_min(1e-12))
+
+
+@pytest.mark.parametrize("path", PATHS)
+@settings(max_examples=40, derandomize=True)
+@given(
+    spec=st.builds(
+        NetworkSpec,
+        channels=st.integers(1, 16),
+        nodes=st.integers(1, 130),
+        actions=st.integers(2, 40),
+    ),
+    B=st.integers(2, TRANSITIONS),
+    seed=st.integers(0, 1000),
+)
+@example(spec=NetworkSpec(channels=6, nodes=100, actions=7), B=TRANSITIONS, seed=0)
+@example(spec=NetworkSpec(channels=16, nodes=1, actions=64), B=2, seed=1)
+@example(spec=NetworkSpec(channels=1, nodes=16, actions=2), B=9, seed=2)
+def test_gradients_are_autograds(path: str, spec: NetworkSpec, B: int, seed: int) -> None:
+    network, (pixels, actions, y) = binary_network(spec, seed), data(spec, seed)
+    batch = torch.randperm(TRANSITIONS, generator=torch.Generator().manual_seed(seed))[:B]
+    # Closer, and float32's rounding decides which side of the jump a value is on.
+    assume(margin(network, pixels[batch]) > 2e-6)
+    exact = exact_gradients(network, pixels, actions, y, batch)
+    plain = named_gradients(network, autograd_gradients(network, pixels, actions, y), batch)
+    native = native_gradients(network, pixels, actions, y, path=path)
+    found = named_gradients(network, native, batch)
+    assert found.keys() == plain.keys() == exact.keys()
+    for name, gradient in exact.items():
+        # Two images leave batch norm after fc1 hardly a gradient: rounding is then all that is left of it.
+        rounding = distance(plain[name], gradient)
+        assert distance(found[name], gradient) < 2e-5 + 4 * rounding, (
+            f"{name}, autograd's: {rounding}"
+        )
+
+
+def test_the_brightest_pixels_overflow_nothing() -> None:
+    spec = NetworkSpec(channels=16, nodes=5, actions=3)
+    pixels = torch.full((2, 84, 84, 16), 255, dtype=torch.uint8)
+    pixels[1, ::2] = 0
+    actions, y = torch.tensor([0, 2]), torch.tensor([1.0, -1.0])
+    for path in PATHS:
+        network = binary_network(spec, 0)
+        network.latent.data.abs_()
+        batch = torch.tensor([0, 1])
+        expected = named_gradients(network, autograd_gradients(network, pixels, actions, y), batch)
+        native = native_gradients(network, pixels, actions, y, path=path)
+        found = named_gradients(network, native, batch)
+        assert torch.allclose(found["loss"], expected["loss"], rtol=1e-5), path
+
+
+@pytest.mark.parametrize("path", PATHS)
+def test_equal_inputs_give_equal_bits_wherever_memory_lies(path: str) -> None:
+    spec = NetworkSpec(channels=3, nodes=33, actions=5)
+    pixels, actions, y = data(spec, 0)
+    batch = torch.arange(TRANSITIONS - 1)
+    results = []
+    for offset in (0, 1, 4, 60):
+        network = binary_network(spec, 0)
+        shifted = torch.empty(pixels.numel() + offset, dtype=torch.uint8)[offset:]
+        moved = shifted.view(pixels.shape).copy_(pixels)
+        native = native_gradients(network, moved, actions, y, path=path)
+        native(torch.arange(2))  # scratch that another minibatch has used
+        results.append(named_gradients(network, native, batch))
+    for result in results[1:]:
+        for name, value in result.items():
+            assert torch.equal(value, results[0][name]), name
+
+
+def test_the_kernel_follows_parameters_that_an_optimizer_moves() -> None:
+    spec = NetworkSpec(channels=2, nodes=20, actions=4)
+    pixels, actions, y = data(spec, 3)
+    batch = torch.arange(TRANSITIONS)
+    network = binary_network(spec, 3)
+    native, optimizer = native_gradients(network, pixels, actions, y), make_optimizer(network, 1e-3)
+    for _ in range(3):
+        native(batch)
+        optimizer.step()
+        network.clip_latent_weights()
+    kept = named_gradients(network, native, batch)
+    fresh = named_gradients(network, native_gradients(network, pixels, actions, y), batch)
+    for name, value in kept.items():
+        assert torch.equal(value, fresh[name]), name
+
+
+def test_bad_input_is_refused() -> None:
+    spec = NetworkSpec(channels=2, nodes=20, actions=4)
+    pixels, actions, y = data(spec, 0)
+    network = binary_network(spec, 0)
+    native = native_gradients(network, pixels, actions, y)
+    with pytest.raises(IndexError, match="outside D"):
+        native(torch.tensor([0, TRANSITIONS]))
+    with pytest.raises(IndexError, match="action"):
+        native_gradients(network, pixels, actions + 4, y)(torch.tensor([0, 1]))
+    with pytest.raises(ValueError, match="at least 1"):
+        native(torch.tensor([], dtype=torch.int64))
+    with pytest.raises(ValueError, match=r"uint8\[n, 84, 84, C\]"):
+        native_gradients(network, pixels[..., :1].contiguous(), actions, y)(torch.tensor([0, 1]))
+    with pytest.raises(ValueError, match="lengths"):
+        native_gradients(network, pixels, actions[:3], y)(torch.tensor([0, 1]))
+    with pytest.raises(ValueError, match="cannot run the path mmx"):
+        native_gradients(network, pixels, actions, y, path="mmx")
+
+
+def test_the_float_network_and_the_plain_engine_use_autograd() -> None:
+    spec = NetworkSpec(channels=1, nodes=6, actions=3)
+    pixels, actions, y = data(spec, 0)
+    observations = pixels.permute(0, 3, 1, 2)
+    network = FloatNetwork(spec, generator=torch.Generator().manual_seed(0))
+    batch = torch.arange(4)
+    losses = []
+    for engine in ("fast", "plain"):
+        network.zero_grad()
+        gradients = minibatch_gradients(engine, network, observations, actions, y)
+        losses.append(gradients(batch))
+        assert all(p.grad is not None for p in network.parameters())
+    assert losses[0] == losses[1]
+    plain = minibatch_gradients("plain", binary_network(spec, 0), observations, actions, y)
+    assert isinstance(plain(batch), Tensor)
