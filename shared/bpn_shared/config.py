@@ -55,6 +55,9 @@ class RunConfig(BaseModel):
     learning_rate_final: Annotated[
         float, Field(ge=0, le=1, description="share of it at an update's end (cosine over epochs)")
     ] = 0.02
+    learning_rate_last: Annotated[
+        float, Field(ge=0, le=1, description="share of it in the last iteration (linear)")
+    ] = 0.1
     scale_initial: Annotated[float, Field(gt=0, le=100, description="lambda at the start")] = 0.2
     reward_scale: Annotated[
         float, Field(gt=0, le=1e3, description="factor on rewards in pixels before learning")
@@ -93,6 +96,11 @@ class RunConfig(BaseModel):
             return 0.0
         progress = min(1.0, 2 * iteration / self.iterations)
         return self.epsilon_initial + progress * (self.epsilon_final - self.epsilon_initial)
+
+    def learning_rate_share(self, iteration: int) -> float:
+        """Of the learning rate, in an iteration: from 1 linearly to `learning_rate_last`."""
+        progress = iteration / max(1, self.iterations - 1)
+        return 1 + progress * (self.learning_rate_last - 1)
 
     @classmethod
     def for_task(cls, task: str, **changes: Any) -> Self:

@@ -67,17 +67,6 @@ class Training:
             generator=torch.Generator().manual_seed(initial_weights_seed(config.seed)),
         )
         self._optimizer = make_optimizer(self._network, config.learning_rate)
-        self._settings = PolicyUpdate(
-            alpha=config.alpha,
-            beta=config.beta,
-            gamma=config.gamma,
-            epochs=config.epochs,
-            batch=config.batch,
-            target="cvi" if config.algorithm == "bpn" else "dqn",
-            mask_terminals=config.mask_terminals,
-            learning_rate_final=config.learning_rate_final,
-            engine=config.engine,
-        )
         self._data: deque[list[EpisodeData]] = deque(maxlen=config.datasets)  # D
 
     def run(self) -> bool:
@@ -153,6 +142,21 @@ class Training:
             failed=episode.meta.failed,
         )
 
+    def _settings(self, iteration: int) -> PolicyUpdate:
+        config = self._config
+        return PolicyUpdate(
+            alpha=config.alpha,
+            beta=config.beta,
+            gamma=config.gamma,
+            epochs=config.epochs,
+            batch=config.batch,
+            target="cvi" if config.algorithm == "bpn" else "dqn",
+            mask_terminals=config.mask_terminals,
+            learning_rate_share=config.learning_rate_share(iteration),
+            learning_rate_final=config.learning_rate_final,
+            engine=config.engine,
+        )
+
     def _update(self, iteration: int) -> UpdateReport:
         def progress(epochs: int, _total: int) -> None:
             self._report(iteration, {"progress.epochs": float(epochs)})
@@ -164,7 +168,7 @@ class Training:
                 [episode for dataset in self._data for episode in dataset],
                 frames_stacked=self._config.task_spec.frames_stacked,
             ),
-            self._settings,
+            self._settings(iteration),
             shuffle_generator(self._config.seed, iteration),
             progress=progress,
             stop=self._stop.is_set,

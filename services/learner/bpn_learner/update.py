@@ -19,6 +19,7 @@ from bpn_shared.config import Engine
 
 EVALUATION_BATCH = 256
 SCALE_RATE_FACTOR = 10.0
+ADAM_EPSILON = 1e-3
 
 
 class UpdateStopped(Exception):  # noqa: N818
@@ -38,7 +39,8 @@ class PolicyUpdate:
         batch: B, at least 2.
         target: "cvi" (BPN, CVI) or "dqn" (BQN, DQN).
         mask_terminals: no bootstrap from failures; Algorithm 1 as printed bootstraps from every s'.
-        learning_rate_final: share of the learning rate in an update's last epoch; falls along a cosine.
+        learning_rate_share: of the optimizer's learning rate, in this update's first epoch.
+        learning_rate_final: of that, in the last epoch; in between it falls along a cosine.
         engine: what computes the minibatches' gradients, see `minibatch_gradients`.
     """
 
@@ -49,6 +51,7 @@ class PolicyUpdate:
     batch: int = 32
     target: Literal["cvi", "dqn"] = "cvi"
     mask_terminals: bool = False
+    learning_rate_share: float = 1.0
     learning_rate_final: float = 1.0
     engine: Engine = "fast"
 
@@ -78,13 +81,17 @@ class UpdateReport:
 
 
 def make_optimizer(network: PNetwork, learning_rate: float) -> torch.optim.Adam:
-    """Adam, with log lambda at ten times the rate: one number has to follow the values' magnitude."""
+    """Adam, with log lambda at ten times the rate: one number has to follow the values' magnitude.
+
+    Adam's epsilon is of the size of the gradients while there is much to learn (1e-3). With the usual 1e-8
+    every step has full size whatever the gradient, and a network that fits D already keeps flipping signs.
+    """
     groups: list[dict[str, object]] = [
         {"params": [p for name, p in network.named_parameters() if name != "log_scale"]}
     ]
     if isinstance(network, BinaryNetwork):
         groups.append({"params": [network.log_scale], "lr": learning_rate * SCALE_RATE_FACTOR})
-    optimizer = torch.optim.Adam(groups, lr=learning_rate, fused=True)
+    optimizer = torch.optim.Adam(groups, lr=learning_rate, eps=ADAM_EPSILON, fused=True)
     for group in optimizer.param_groups:
         group["initial_lr"] = group["lr"]  # what `annealing` is a factor of
     return optimizer
@@ -155,14 +162,15 @@ def policy_update(
 
 
 def annealing(epoch: int, settings: PolicyUpdate) -> float:
-    """The learning rate's factor in an epoch: a cosine from 1 to `learning_rate_final`.
+    """The learning rate's factor in an epoch: a cosine from `learning_rate_share` down.
 
     Binary weights keep flipping as long as the rate is high. What the last flips leave is the policy that
     the robots run, so they have to become few before an update ends.
     """
     progress = epoch / max(1, settings.epochs - 1)
     final = settings.learning_rate_final
-    return final + (1 - final) * (1 + math.cos(math.pi * progress)) / 2
+    cosine = final + (1 - final) * (1 + math.cos(math.pi * progress)) / 2
+    return settings.learning_rate_share * cosine
 
 
 def set_learning_rate(optimizer: torch.optim.Optimizer, factor: float) -> None:

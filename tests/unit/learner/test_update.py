@@ -13,6 +13,7 @@ from bpn_learner.fold import fold
 from bpn_learner.networks import BinaryNetwork, FloatNetwork, PNetwork
 from bpn_learner.transitions import EpisodeData, Transitions
 from bpn_learner.update import (
+    ADAM_EPSILON,
     SCALE_RATE_FACTOR,
     DivergenceError,
     PolicyUpdate,
@@ -128,7 +129,7 @@ def test_an_update_equals_algorithm_1_written_plainly() -> None:
     data = transitions()
     frozen.eval()
     plain.train()
-    optimizer = torch.optim.Adam([plain.latent, plain.gamma, plain.beta], lr=1e-3)
+    optimizer = torch.optim.Adam([plain.latent, plain.gamma, plain.beta], lr=1e-3, eps=ADAM_EPSILON)
     optimizer.add_param_group({"params": [plain.log_scale], "lr": 1e-2})
     rng = np.random.default_rng(0)
     updates = 0
@@ -258,16 +259,17 @@ def test_saturated_targets_are_counted() -> None:
     assert report.max_target > 900
 
 
-@given(st.integers(1, 60), st.floats(0, 1))
-def test_the_rate_falls_along_a_cosine_to_its_final_share(epochs: int, final: float) -> None:
-    settings = PolicyUpdate(epochs=epochs, learning_rate_final=final)
+@given(st.integers(2, 60), st.floats(0, 1), st.floats(0.1, 1))
+def test_the_rate_falls_along_a_cosine_to_its_final_share(
+    epochs: int, final: float, share: float
+) -> None:
+    settings = PolicyUpdate(epochs=epochs, learning_rate_final=final, learning_rate_share=share)
     factors = [annealing(epoch, settings) for epoch in range(epochs)]
-    assert factors[0] == pytest.approx(1)
+    assert factors[0] == pytest.approx(share)
     assert factors == sorted(factors, reverse=True)
-    if epochs > 1:
-        assert factors[-1] == pytest.approx(final)
+    assert factors[-1] == pytest.approx(share * final)
     if epochs % 2:
-        assert factors[epochs // 2] == pytest.approx((1 + final) / 2 if epochs > 1 else 1)
+        assert factors[epochs // 2] == pytest.approx(share * (1 + final) / 2)
 
 
 def test_every_parameter_group_is_annealed_and_the_next_update_starts_anew() -> None:

@@ -83,3 +83,13 @@ def test_only_dqn_explores_with_epsilon() -> None:
     assert RunConfig(algorithm="bpn").epsilon(0) == 0
     bqn = RunConfig(algorithm="bqn", iterations=50)
     assert [bqn.epsilon(i) for i in (0, 25, 49)] == pytest.approx([1.0, 0.05, 0.05])
+
+
+@given(st.integers(1, 200), st.floats(0, 1))
+def test_the_rate_falls_linearly_over_the_run(iterations: int, last: float) -> None:
+    config = RunConfig(iterations=iterations, learning_rate_last=last)
+    shares = [config.learning_rate_share(i) for i in range(iterations)]
+    assert shares[0] == 1
+    assert shares == sorted(shares, reverse=True)
+    if iterations > 1:
+        assert shares[-1] == pytest.approx(last)
