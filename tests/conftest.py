@@ -10,11 +10,16 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from hypothesis import settings
 
 from bpn.local_run import free_endpoint
 from bpn_shared.bus.session import Bus
 
 DEADLINE_S = 20.0
+
+# A busy machine is no failure; examples that hang end with pytest's own time limit.
+settings.register_profile("bpn", deadline=None)
+settings.load_profile("bpn")
 
 
 def wait_for(condition: Callable[[], object], what: str, timeout_s: float = DEADLINE_S) -> None:

@@ -131,6 +131,16 @@ class RunConfig(BaseModel):
 PRESETS: dict[str, dict[str, Any]] = {
     # Table I; what it leaves open (optimizer, scales) was found by experiment, see docs/algorithms.
     "reaching": {"steps": 20, "reward_scale": 0.1},
+    "tracking": {"steps": 40, "reward_scale": 0.2},
+    # Section VI-B.
+    "pan_tilt": {
+        "nodes": 100,
+        "alpha": 0.95,
+        "beta": 3.0,
+        "iterations": 150,
+        "steps": 80,
+        "reward_scale": 0.2,
+    },
 }
 
 

@@ -20,7 +20,10 @@ def episode_seed(run_seed: int, iteration: int, episode: int) -> int:
 
 def action_uniform(episode_seed: int, step: int) -> float:
     """The uniform number in [0, 1) that decides the action of step t (counter-based: Philox)."""
-    bits = np.random.Philox(key=[episode_seed, _ACTION], counter=[step, 0, 0, 0])
+    # as an array: a list with a number of 2**63 and above would become float64 and lose its last bits
+    bits = np.random.Philox(
+        key=np.array([episode_seed, _ACTION], np.uint64), counter=[step, 0, 0, 0]
+    )
     return float(np.random.Generator(bits).random())
 
 

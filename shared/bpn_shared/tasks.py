@@ -4,6 +4,9 @@ from dataclasses import dataclass
 
 from bpn_shared.bnn.spec import IMAGE_SIZE_PX, NetworkSpec
 
+CONTROL_PERIOD_S = 0.145
+"""The paper's Table II."""
+
 
 @dataclass(frozen=True, slots=True)
 class Task:
@@ -44,7 +47,25 @@ TASKS = {
         frames_stacked=1,
         actions=14,
         hold_action=3,  # joint 1 by 0 degrees
-        control_period_s=0.145,  # the paper's Table II
+        control_period_s=CONTROL_PERIOD_S,
+    ),
+    "tracking": Task(
+        name="tracking",
+        env_id="bpn/Tracking-v0",
+        frame_channels=3,
+        frames_stacked=2,  # "to estimate the target's velocity", section V-A-2
+        actions=7,
+        hold_action=3,  # the window by 0 px
+        control_period_s=CONTROL_PERIOD_S,
+    ),
+    "pan_tilt": Task(
+        name="pan_tilt",
+        env_id="bpn/PanTilt-v0",
+        frame_channels=3,
+        frames_stacked=2,
+        actions=17,
+        hold_action=2,  # both motors by 0 degrees
+        control_period_s=CONTROL_PERIOD_S,
     ),
 }
 

@@ -1,6 +1,7 @@
 import contextlib
 import threading
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
@@ -103,4 +104,21 @@ def test_requests_work_again_after_the_router_was_replaced(
         wait_for(answers, "an answer through the second router")
         served.close()
         asking.close()
+    del responder
+
+
+def test_no_request_is_lost_when_many_ask_at_once(open_bus: OpenBus) -> None:
+    # Fewer threads for Zenoh (ZENOH_RUNTIME) are faster and lose requests here.
+    responder = Responder(open_bus(), "test/echo", lambda body: body, Counters())
+    sessions = [open_bus() for _ in range(3)]
+
+    def ask(bus: Bus, size: int) -> list[bytes]:
+        return [request(bus, "test/echo", bytes(size), timeout_s=10.0) for _ in range(1000)]
+
+    with ThreadPoolExecutor() as pool:
+        asked = [
+            pool.submit(ask, bus, size) for bus, size in zip(sessions, (20, 200, 7080), strict=True)
+        ]
+        for future, size in zip(asked, (20, 200, 7080), strict=True):
+            assert future.result(120) == [bytes(size)] * 1000
     del responder

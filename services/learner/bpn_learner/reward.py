@@ -1,12 +1,16 @@
 """Rewards from pixels: the paper computes them on the server, from what the camera saw (section V-A)."""
 
 from collections.abc import Callable
+from functools import partial
 
 import cv2
 import numpy as np
 import numpy.typing as npt
 
-from bpn_shared.markers import HAND_LEVEL, TARGET_LEVEL
+from bpn_learner.disc import disc_centre_px
+from bpn_shared.bnn.spec import IMAGE_SIZE_PX
+from bpn_shared.framing import nearest_on_border, reward_px
+from bpn_shared.markers import HAND_LEVEL, PAN_TILT_MARKER, TARGET_LEVEL, TRACKING_TARGET, Disc
 
 Frames = npt.NDArray[np.uint8]
 Rewards = npt.NDArray[np.float64]
@@ -49,14 +53,47 @@ def reaching_rewards(frames: Frames) -> Rewards:
     Raises:
         RewardError: the frames have another shape, or a marker is missing.
     """
-    if frames.dtype != np.uint8 or frames.ndim != 4 or frames.shape[1] != 1 or len(frames) == 0:
-        raise RewardError(
-            f"frames are {frames.dtype}{list(frames.shape)}, the reaching task has uint8[T+1, 1, h, w]"
-        )
+    _check(frames, channels=1)
     target_px = _centroid_px(frames, 0, TARGET_LEVEL, "target")
     hands_px = [_centroid_px(frames, t, HAND_LEVEL, "hand") for t in range(1, len(frames))]
     offsets_px = np.array(hands_px, np.float64).reshape(-1, 2) - target_px
     return -np.hypot(offsets_px[:, 0], offsets_px[:, 1])
+
+
+def framing_rewards(frames: Frames, target: Disc) -> Rewards:
+    """Minus the distance in pixels between the target's centre and the frame's.
+
+    Where the border cuts the target, its centre is that of the disc fitted to what is left. A centre
+    outside, in the last frame of a lost target, counts as the nearest point of the border. A target of
+    which nothing is left counts as the point of the border nearest to where it was seen last.
+
+    Args:
+        frames: uint8[T+1, 3, 84, 84].
+        target: what the target looks like.
+
+    Returns:
+        float64[T].
+
+    Raises:
+        RewardError: the frames have another shape, or the first one shows no target.
+    """
+    _check(frames, channels=3)
+    colour = np.array(target.rgb, np.uint8)[:, None, None]
+    seen_px: tuple[float, float] | None = None
+    values: list[float] = []
+    for frame in frames:
+        mask = (frame == colour).all(axis=0).astype(np.uint8)
+        centre_px = disc_centre_px(mask, target.radius_px)
+        if centre_px is not None:
+            seen_px = centre_px
+        elif seen_px is None:
+            raise RewardError(
+                f"frame 0 shows no target (no pixel of colour {target.rgb}): is the robot's scene this task's?"
+            )
+        else:
+            seen_px = nearest_on_border(*seen_px)
+        values.append(reward_px(*seen_px))
+    return np.array(values[1:], np.float64)
 
 
 def _centroid_px(frames: Frames, index: int, level: int, name: str) -> tuple[float, float]:
@@ -71,4 +108,17 @@ def _centroid_px(frames: Frames, index: int, level: int, name: str) -> tuple[flo
     return moments["m10"] / moments["m00"], moments["m01"] / moments["m00"]
 
 
-_REWARDS: dict[str, Callable[[Frames], Rewards]] = {"reaching": reaching_rewards}
+def _check(frames: Frames, channels: int) -> None:
+    expected = (channels, IMAGE_SIZE_PX, IMAGE_SIZE_PX)
+    if frames.dtype != np.uint8 or frames.shape[1:] != expected or len(frames) == 0:
+        raise RewardError(
+            f"frames are {frames.dtype}{list(frames.shape)}, the task has uint8[T+1, "
+            f"{', '.join(map(str, expected))}]"
+        )
+
+
+_REWARDS: dict[str, Callable[[Frames], Rewards]] = {
+    "reaching": reaching_rewards,
+    "tracking": partial(framing_rewards, target=TRACKING_TARGET),
+    "pan_tilt": partial(framing_rewards, target=PAN_TILT_MARKER),
+}

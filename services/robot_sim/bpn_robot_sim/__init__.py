@@ -5,9 +5,11 @@ Importing this package registers the environments with Gymnasium; it loads neith
 
 import gymnasium
 
+from bpn_shared.config import RunConfig
 from bpn_shared.tasks import TASKS
 
-EPISODE_STEPS = {"reaching": 20}  # T of the paper's Table I
+EPISODE_STEPS = {name: RunConfig.for_task(name).steps for name in TASKS}
+"""T of each task, as the paper has it."""
 
 for _name, _steps in EPISODE_STEPS.items():
     if TASKS[_name].env_id not in gymnasium.registry:

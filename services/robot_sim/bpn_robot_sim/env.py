@@ -15,7 +15,8 @@ class RobotEnv(gymnasium.Env[Frame, np.int64]):
     """One step is one action, the physics until the servos have settled, and one frame.
 
     Observation uint8[c, 84, 84]; reward in pixels (paper, section V-A), the distance after the move, negated.
-    The environment has no time limit of its own: the registered one truncates, it never terminates.
+    Terminated is the task's own end, a lost target; reaching has none. The environment has no time limit
+    of its own: the registered one truncates.
 
     Args:
         task_name: a task of `bpn_shared.tasks.TASKS`.

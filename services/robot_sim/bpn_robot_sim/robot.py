@@ -1,5 +1,6 @@
 """What a simulated robot is to the service and to the Gymnasium environment."""
 
+from pkgutil import resolve_name
 from typing import Protocol
 
 from bpn_robot_sim.rendering import Frame
@@ -12,8 +13,10 @@ class Robot(Protocol):
     """A robot with its camera.
 
     In lockstep one step is `command`, `settle`, `frame`; in realtime pacing it is `command` when an
-    action came in time, `advance(control period)`, `frame`. Equal seeds and calls give equal frames.
-    A frame is a new contiguous uint8[c, 84, 84] (`task.frame_shape`).
+    action came in time, `advance(control period)`, `frame`. `settle` takes as long as the servos need where
+    nothing else moves; where the target moves too, exactly one control period, in which they are done.
+    Equal seeds and calls give equal frames. A frame is a new contiguous uint8[c, 84, 84]
+    (`task.frame_shape`).
     """
 
     @property
@@ -34,7 +37,7 @@ class Robot(Protocol):
         """
 
     def settle(self) -> None:
-        """Lets time pass until the servos have reached their goal."""
+        """Lets time pass until the servos have reached their goal, at least."""
 
     def advance(self, seconds: float) -> None:
         """Lets that much time pass, settled or not."""
@@ -65,6 +68,13 @@ def check_action(task: Task, action: int) -> int:
     return int(action)
 
 
+_ROBOTS = {
+    "reaching": "bpn_robot_sim.reaching.robot:ReachingRobot",
+    "tracking": "bpn_robot_sim.tracking.robot:TrackingRobot",
+    "pan_tilt": "bpn_robot_sim.pan_tilt.robot:PanTiltRobot",
+}
+
+
 def make_robot(task_name: str) -> Robot:
     """A new robot for the task of that name.
 
@@ -73,8 +83,7 @@ def make_robot(task_name: str) -> Robot:
         RenderingError: OpenGL cannot be started.
     """
     task = task_named(task_name)
-    if task.name == "reaching":
-        from bpn_robot_sim.reaching.robot import ReachingRobot  # noqa: PLC0415 - it imports this
-
-        return ReachingRobot()
-    raise ValueError(f"task {task.name!r} has no simulated robot")
+    if task.name not in _ROBOTS:
+        raise ValueError(f"task {task.name!r} has no simulated robot")
+    robot: Robot = resolve_name(_ROBOTS[task.name])()  # by name: it imports this module
+    return robot

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import zenoh
 
-from bpn_shared.bus.session import DEFAULT_ENDPOINT, ROUTER_RUNTIME, use_runtime
+from bpn_shared.bus.session import DEFAULT_ENDPOINT
 from bpn_shared.service import end_with_supervisor, set_up_logging, stop_on_signals
 
 log = logging.getLogger("bpn_router")
@@ -21,7 +21,6 @@ def open_router(endpoint: str, config_file: Path = CONFIG_FILE) -> zenoh.Session
     Raises:
         zenoh.ZError: the port is taken or the configuration is wrong.
     """
-    use_runtime(ROUTER_RUNTIME)
     config = zenoh.Config.from_file(str(config_file))
     config.insert_json5("listen/endpoints", json.dumps([endpoint]))
     return zenoh.open(config)

@@ -2,7 +2,6 @@
 
 import json
 import logging
-import os
 import sys
 import threading
 import time
@@ -16,26 +15,6 @@ log = logging.getLogger(__name__)
 DEFAULT_ENDPOINT = "tcp/127.0.0.1:7447"
 OPEN_DEADLINE_S = 60.0
 _RETRY_S = 0.1
-
-
-# Zenoh's runtime hands a message from one thread pool to the next, and on a core that has gone idle every
-# such wake-up costs more than the work. Fewer threads took a quarter off the round trip through the router.
-# A client needs one: nothing on its network thread blocks (direct handlers send only small messages). A
-# router needs its sending on another thread than its receiving, or a large message that it passes on
-# would wait for itself.
-CLIENT_RUNTIME = (
-    "(rx: (handover: app), acc: (handover: app), tx: (handover: app), net: (handover: app),"
-    " app: (worker_threads: 1))"
-)
-ROUTER_RUNTIME = (
-    "(rx: (handover: app), acc: (handover: app), tx: (worker_threads: 1), net: (handover: app),"
-    " app: (worker_threads: 1))"
-)
-
-
-def use_runtime(runtime: str) -> None:
-    """Chooses Zenoh's threads, unless the environment has; the process's first session fixes them."""
-    os.environ.setdefault("ZENOH_RUNTIME", runtime)
 
 
 class BusError(RuntimeError):
@@ -88,7 +67,6 @@ class Bus:
     ) -> None:
         # A thread that computes holds the GIL for 5 ms by default, and every message waits that long.
         sys.setswitchinterval(0.0005)
-        use_runtime(CLIENT_RUNTIME)
         zenoh.init_log_from_env_or("off")  # peers come and go here; what matters is logged by us
         self.endpoint = endpoint
         self.zenoh = _open(endpoint, deadline_s, stop or threading.Event())

@@ -6,8 +6,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bpn_learner.reward import RewardError, reaching_rewards, rewards
-from bpn_shared.markers import ARM_LEVEL, BACKGROUND_LEVEL, HAND_LEVEL, TARGET_LEVEL
+from bpn_learner.reward import RewardError, framing_rewards, reaching_rewards, rewards
+from bpn_shared.markers import (
+    ARM_LEVEL,
+    BACKGROUND_LEVEL,
+    HAND_LEVEL,
+    PAN_TILT_MARKER,
+    TARGET_LEVEL,
+    TRACKING_TARGET,
+)
 
 Point = tuple[int, int]
 points = st.tuples(st.integers(5, 78), st.integers(5, 78))
@@ -58,8 +65,51 @@ def test_a_missing_marker_is_named_with_its_frame() -> None:
     [np.zeros((2, 3, 84, 84), np.uint8), np.zeros((2, 84, 84), np.uint8), np.zeros((2, 1, 84, 84))],
 )
 def test_frames_of_another_kind_are_refused(frames: npt.NDArray[np.uint8]) -> None:
-    with pytest.raises(RewardError, match="the reaching task has uint8"):
+    with pytest.raises(RewardError, match=r"the task has uint8\[T\+1, 1, 84, 84\]"):
         reaching_rewards(frames)
+
+
+def scene(target: tuple[float, float] | None, radius: float = 12) -> npt.NDArray[np.uint8]:
+    """A frame uint8[3, 84, 84]: noise of every colour but the target's, then the target."""
+    y, x = np.mgrid[:84, :84]
+    image = np.random.default_rng(0).integers(0, 160, (3, 84, 84), np.uint8)
+    if target is not None:
+        inside = (x - target[0]) ** 2 + (y - target[1]) ** 2 <= radius**2
+        image[:, inside] = np.array(TRACKING_TARGET.rgb, np.uint8)[:, None]
+    return image
+
+
+@given(st.lists(st.tuples(st.floats(0, 83), st.floats(0, 83)), min_size=1, max_size=5))
+def test_the_reward_is_minus_the_distance_from_the_middle(path: list[tuple[float, float]]) -> None:
+    frames = np.stack([scene((41.5, 41.5)), *map(scene, path)])
+    expected = [-np.hypot(x - 41.5, y - 41.5) for x, y in path]
+    assert rewards("tracking", frames) == pytest.approx(expected, abs=1.0)
+
+
+def test_a_lost_target_counts_where_it_left() -> None:
+    partly, gone = scene((-6, 30)), scene(None)
+    measured = rewards("tracking", np.stack([scene((10, 30)), partly, gone]))
+    assert measured == pytest.approx([-np.hypot(41.5, 11.5)] * 2, abs=0.3)
+    jumped = rewards("tracking", np.stack([scene((70, 20)), gone]))
+    assert jumped == pytest.approx([-np.hypot(41.5, 21.5)], abs=0.1)
+
+
+def test_a_first_frame_without_target_is_an_error() -> None:
+    with pytest.raises(RewardError, match="frame 0 shows no target"):
+        framing_rewards(np.stack([scene(None), scene((40, 40))]), TRACKING_TARGET)
+
+
+def test_each_task_looks_for_its_own_colour() -> None:
+    frames = np.stack([scene((20, 20))] * 2)
+    with pytest.raises(RewardError, match=r"\(0, 64, 255\)"):
+        rewards("pan_tilt", frames)
+    assert PAN_TILT_MARKER.rgb == (0, 64, 255)
+
+
+@pytest.mark.parametrize("task", ["tracking", "pan_tilt"])
+def test_gray_frames_are_refused_where_rgb_is_due(task: str) -> None:
+    with pytest.raises(RewardError, match=r"the task has uint8\[T\+1, 3, 84, 84\]"):
+        rewards(task, np.zeros((2, 1, 84, 84), np.uint8))
 
 
 def test_a_task_without_a_reward_is_named() -> None:

@@ -4,7 +4,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bpn_shared.config import ConfigError, RunConfig
+from bpn_shared.config import PRESETS, ConfigError, RunConfig
+from bpn_shared.tasks import TASKS, Task
 
 
 def test_the_reaching_preset_is_table_one() -> None:
@@ -15,6 +16,37 @@ def test_the_reaching_preset_is_table_one() -> None:
     }  # fmt: skip
     assert {name: getattr(config, name) for name in table} == table
     assert not config.mask_terminals  # Algorithm 1 as printed
+
+
+@pytest.mark.parametrize(
+    ("task", "differences"),
+    [
+        ("tracking", {"steps": 40, "reward_scale": 0.2}),
+        (
+            "pan_tilt",
+            {
+                "nodes": 100,
+                "alpha": 0.95,
+                "beta": 3,
+                "iterations": 150,
+                "steps": 80,
+                "reward_scale": 0.2,
+            },
+        ),
+    ],
+)
+def test_the_other_presets_are_table_one_but_for(task: str, differences: dict[str, Any]) -> None:
+    reaching = RunConfig.for_task("reaching").model_dump()
+    assert RunConfig.for_task(task).model_dump() == reaching | {"task": task} | differences
+
+
+@pytest.mark.parametrize("task", TASKS.values(), ids=lambda task: task.name)
+def test_every_task_has_a_preset_and_observations_of_its_network(task: Task) -> None:
+    config = RunConfig.for_task(task.name)
+    assert task.name in PRESETS
+    assert config.network.channels == task.frame_channels * task.frames_stacked
+    assert config.network.actions == task.actions > task.hold_action
+    assert task.control_period_s == 0.145
 
 
 @pytest.mark.parametrize(
@@ -37,7 +69,7 @@ def test_a_wrong_value_names_itself_and_its_range(changes: dict[str, Any], messa
 @given(st.binary(max_size=200))
 def test_noise_for_json_is_a_config_error(noise: bytes) -> None:
     with pytest.raises(ConfigError, match="file"):
-        RunConfig.from_json(noise + b"}", source="file")
+        RunConfig.from_json(b"[" + noise, source="file")  # no JSON object begins so
 
 
 @given(st.integers(0, 49), st.integers(0, 2**62))

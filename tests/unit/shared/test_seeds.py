@@ -34,3 +34,8 @@ def test_action_numbers_look_uniform() -> None:
 def test_iterations_shuffle_differently() -> None:
     orders = {tuple(shuffle_generator(1, iteration).permutation(20)) for iteration in range(50)}
     assert len(orders) == 50
+
+
+@given(st.integers(2**63, 2**64 - 2))
+def test_large_neighbouring_seeds_have_streams_of_their_own(seed: int) -> None:
+    assert action_uniform(seed, 0) != action_uniform(seed + 1, 0)

@@ -1,0 +1,22 @@
+"""Robots that are made once: starting OpenGL costs more than most tests."""
+
+from collections.abc import Iterator
+
+import pytest
+
+from bpn_robot_sim.pan_tilt.robot import PanTiltRobot
+from bpn_robot_sim.tracking.robot import TrackingRobot
+
+
+@pytest.fixture(scope="module")
+def tracking_robot() -> Iterator[TrackingRobot]:
+    robot = TrackingRobot()
+    yield robot
+    robot.close()
+
+
+@pytest.fixture(scope="module")
+def pan_tilt_robot() -> Iterator[PanTiltRobot]:
+    robot = PanTiltRobot()
+    yield robot
+    robot.close()
