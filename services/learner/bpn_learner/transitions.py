@@ -1,7 +1,7 @@
 """D as tensors: every frame once, observations gathered from frame indices."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Self
 
 import numpy as np
@@ -97,6 +97,11 @@ class Transitions:
             ),
             done=torch.from_numpy(np.concatenate(done)),
         )
+
+    def to(self, device: torch.device) -> Self:
+        """The same transitions on a device."""
+        tensors = {f.name: getattr(self, f.name).to(device) for f in fields(self)}
+        return type(self)(**tensors)
 
     def gather(self, stacks: Tensor) -> Tensor:
         """Observations of frame indices int64[n, frames_stacked].

@@ -123,6 +123,8 @@ def policy_update(
         ValueError: D holds fewer than 2 transitions.
     """
     started = time.perf_counter()
+    device = next(network.parameters()).device
+    transitions = transitions.to(device)
     B, size = settings.batch, len(transitions)
     minibatches = minibatches_per_epoch(size, B)
     observations = transitions.gather(transitions.observations)
@@ -136,8 +138,8 @@ def policy_update(
         if stop is not None and stop():
             raise UpdateStopped(f"stopped after {epoch} of {settings.epochs} epochs")
         set_learning_rate(optimizer, annealing(epoch, settings))
-        order = torch.from_numpy(rng.permutation(size))
-        total = torch.zeros(())
+        order = torch.from_numpy(rng.permutation(size)).to(device)
+        total = torch.zeros((), device=device)
         for k in range(minibatches):
             total += gradients(order[B * k : B * (k + 1)])
             optimizer.step()

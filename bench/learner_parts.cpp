@@ -1,0 +1,133 @@
+// The minibatch kernel's parts, and what the processor's multipliers alone would allow; docs/learner-speed.md.
+//
+//   g++ -std=c++20 -O3 -march=native -ffp-contract=fast -mprefer-vector-width=512 -Wno-psabi \
+//       -I services/learner/src bench/learner_parts.cpp -o /tmp/learner_parts && /tmp/learner_parts
+#include <chrono>
+#include <algorithm>
+#include <cstdio>
+#include <memory>
+#include <random>
+#include <string>
+#include <vector>
+
+#include "gradients.h"
+
+using namespace bpn;
+
+namespace {
+
+constexpr int kImages = 32;
+std::mt19937 generator(0);
+
+template <class F>
+double fastest_us(F&& f) {
+  double best = 1e12;
+  for (int i = 0; i < 50; ++i) {
+    const auto start = std::chrono::steady_clock::now();
+    f();
+    best = std::min(best, std::chrono::duration<double, std::micro>(std::chrono::steady_clock::now() - start).count());
+  }
+  return best;
+}
+
+template <class F>
+void report(const char* part, double macs, F&& f) {
+  const double us = fastest_us(f);
+  std::printf("%-22s %8.1f us", part, us);
+  if (macs > 0) std::printf(" %8.1f GMAC/s", macs / us / 1e3);
+  std::printf("\n");
+}
+
+float* floats(size_t count) {
+  static std::vector<std::unique_ptr<float[]>> memory;
+  memory.emplace_back(new float[count + kSlack]);
+  std::uniform_real_distribution<float> uniform(-1, 1);
+  for (size_t i = 0; i < count + kSlack; ++i) memory.back()[i] = uniform(generator);
+  return memory.back().get();
+}
+
+// Twelve independent chains of fused multiply-adds: nothing to load, nothing to wait for.
+void peak() {
+  constexpr int kChains = 12, kSteps = 100'000;
+  report("float32 peak", double(kChains) * kSteps * kLanes, [] {
+    Floats sums[kChains] = {}, factor = Floats{} + 1.0001f;
+    for (int i = 0; i < kSteps; ++i)
+      each<kChains>([&](auto c) INLINE_LAMBDA {
+        sums[c] = sums[c] * factor + factor;
+        asm volatile("" : "+x"(sums[c]));
+      });
+  });
+}
+
+}  // namespace
+
+int main() {
+  const Geometry geometry(6, 100, 7);  // tracking
+  const Layer* layers = geometry.layers;
+  Workspace work{};
+  for (int l = 0; l < kLayers; ++l) {
+    const Layer& layer = layers[l];
+    const size_t values = size_t(kImages) * layer.positions() * layer.width;
+    work.signs[l] = floats(layer.width * layer.fan_in());
+    work.transposed[l] = l > 0 && layer.size > 1 ? floats(layer.width * layer.fan_in()) : nullptr;
+    work.inputs[l] = floats(size_t(kImages) * layer.image);
+    work.normalized[l] = floats(values), work.gradients[l] = floats(values);
+    work.sign_gradients[l] = floats(layer.width * layer.rows * padded(layer.run));
+    if (l < kNorms) work.norm_scale[l] = floats(layer.width), work.gamma[l] = floats(layer.width), work.beta[l] = floats(layer.width);
+  }
+  std::vector<int8_t> pixel_signs(layers[0].outputs * layers[0].fan_in(), 1);
+  work.pixel_signs = pixel_signs.data();
+  std::vector<uint8_t> pixels(kImages * layers[0].image + kSlack);
+  for (auto& pixel : pixels) pixel = generator() & 255;
+  std::vector<const uint8_t*> images;
+  for (int b = 0; b < kImages; ++b) images.push_back(pixels.data() + b * layers[0].image);
+  const std::vector<int64_t> actions(kImages, 2);
+  const Batch batch{kImages, images.data(), actions.data(), floats(kImages)};
+  const Parameters parameters{floats(100'000), floats(1000), floats(1000), -1.6f};
+  Gradients out{floats(100'000), floats(1000), floats(1000), 0, 0};
+
+  peak();
+  const double conv1 = double(kImages) * layers[0].positions() * layers[0].outputs * layers[0].fan_in();
+  const int stride = layers[0].positions() * layers[0].width;
+  report("conv1 outputs", conv1, [&] {
+    for (int b = 0; b < kImages; ++b) convolve_pixels(layers[0], images[b], work.pixel_signs, work.normalized[0] + b * stride);
+  });
+  report("conv1 sign gradient", conv1, [&] {
+    for (int b = 0; b < kImages; ++b)
+      add_sign_gradients(layers[0], 20, 20, layers[0].step_x, images[b], work.gradients[0] + b * stride, work.sign_gradients[0]);
+  });
+  const char* names[] = {"conv1", "conv2", "conv3", "fc1", "fc2"};
+  for (int l = 1; l < kLayers; ++l) {
+    const Layer& layer = layers[l];
+    const double macs = double(kImages) * layer.positions() * layer.outputs * layer.fan_in();
+    const auto part = [&](const char* what) { return std::string(names[l]) + what; };
+    report(part(" outputs").c_str(), macs, [&] {
+      if (layer.size > 1) convolve(layer, kImages, work.inputs[l], work.transposed[l], work.normalized[l]);
+      else connect(layer, kImages, work.inputs[l], work.signs[l], work.normalized[l]);
+    });
+    report(part(" input gradient").c_str(), macs, [&] {
+      input_gradients(layer, kImages, work.gradients[l], work.signs[l], work.inputs[l]);
+    });
+    report(part(" sign gradient").c_str(), macs, [&] {
+      if (layer.size == 1) return add_sign_gradients(layer, 1, kImages, layer.image, work.inputs[l], work.gradients[l], work.sign_gradients[l]);
+      for (int b = 0; b < kImages; ++b)
+        add_sign_gradients(layer, layer.size, layer.size, layer.step_x, work.inputs[l] + b * layer.image,
+                           work.gradients[l] + b * layer.positions() * layer.width, work.sign_gradients[l]);
+    });
+  }
+  report("norms, forward", 0, [&] {
+    for (int l = 0; l < kNorms; ++l)
+      normalize(kImages * layers[l].positions(), layers[l].width, work.normalized[l], work.gamma[l], work.beta[l],
+                work.norm_scale[l], work.inputs[l + 1]);
+  });
+  report("norms, backward", 0, [&] {
+    for (int l = 0; l < kNorms; ++l)
+      normalize_back(kImages * layers[l].positions(), layers[l].width, work.gradients[l], work.normalized[l],
+                     work.gamma[l], work.beta[l], work.norm_scale[l], out.gamma, out.beta);
+  });
+  report("signs, latent", 0, [&] {
+    take_signs(geometry, parameters, work);
+    give_latent(geometry, parameters.latent, work, out.latent);
+  });
+  report("whole minibatch", 0, [&] { gradients(geometry, batch, parameters, work, out); });
+}
