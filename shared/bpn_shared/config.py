@@ -10,6 +10,7 @@ from bpn_shared.tasks import Task, task_named
 Pacing = Literal["lockstep", "realtime"]
 Kernel = Literal["native", "golden"]
 Algorithm = Literal["bpn", "bqn"]
+Device = Literal["cpu", "cuda"]
 Engine = Literal["fast", "plain"]
 
 MAX_STEPS = 1000
@@ -67,6 +68,10 @@ class RunConfig(BaseModel):
         Engine,
         Field(description="of policy updates; plain: the readable reference, several times slower"),
     ] = "fast"
+
+    device: Annotated[
+        Device, Field(description="where torch computes; weights are bit-reproducible on cpu alone")
+    ] = "cpu"
 
     robots: Annotated[int, Field(ge=1, le=64, description="slots: robots, each with its edge")] = 1
     pacing: Annotated[
@@ -138,7 +143,7 @@ class RunConfig(BaseModel):
 
 PRESETS: dict[str, dict[str, Any]] = {
     # Table I; what it leaves open (optimizer, scales) was found by experiment, see docs/algorithms.
-    "reaching": {"steps": 20, "reward_scale": 0.1},
+    "reaching": {"steps": 20, "nodes": 256, "reward_scale": 0.05},
     "tracking": {"steps": 40, "reward_scale": 0.2},
     # Section VI-B.
     "pan_tilt": {

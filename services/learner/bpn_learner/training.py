@@ -65,7 +65,7 @@ class Training:
             config.network,
             scale_initial=config.scale_initial,
             generator=torch.Generator().manual_seed(initial_weights_seed(config.seed)),
-        ).to(_device())
+        ).to(config.device)
         self._optimizer = make_optimizer(self._network, config.learning_rate)
         self._data: deque[list[EpisodeData]] = deque(maxlen=config.datasets)  # D
 
@@ -204,9 +204,3 @@ class Training:
             "weights_version": blob.version,
             "weights_sha256": blob.content_sha256(),
         }
-
-
-def _device() -> torch.device:
-    """The GPU where there is one, computing in whole float32 as a CPU does."""
-    torch.backends.cudnn.allow_tf32 = False
-    return torch.device("cuda" if torch.cuda.is_available() else "cpu")

@@ -18,8 +18,7 @@ from bpn_learner.transitions import Transitions
 from bpn_shared.config import Engine
 
 EVALUATION_BATCH = 256
-SCALE_RATE_FACTOR = 10.0
-ADAM_EPSILON = 1e-3
+SCALE_RATE_FACTOR = 3.0
 
 
 class UpdateStopped(Exception):  # noqa: N818
@@ -81,17 +80,13 @@ class UpdateReport:
 
 
 def make_optimizer(network: PNetwork, learning_rate: float) -> torch.optim.Adam:
-    """Adam, with log lambda at ten times the rate: one number has to follow the values' magnitude.
-
-    Adam's epsilon is of the size of the gradients while there is much to learn (1e-3). With the usual 1e-8
-    every step has full size whatever the gradient, and a network that fits D already keeps flipping signs.
-    """
+    """Adam, with log lambda at three times the rate: one number has to follow the values' magnitude."""
     groups: list[dict[str, object]] = [
         {"params": [p for name, p in network.named_parameters() if name != "log_scale"]}
     ]
     if isinstance(network, BinaryNetwork):
         groups.append({"params": [network.log_scale], "lr": learning_rate * SCALE_RATE_FACTOR})
-    optimizer = torch.optim.Adam(groups, lr=learning_rate, eps=ADAM_EPSILON, fused=True)
+    optimizer = torch.optim.Adam(groups, lr=learning_rate, fused=True)
     for group in optimizer.param_groups:
         group["initial_lr"] = group["lr"]  # what `annealing` is a factor of
     return optimizer

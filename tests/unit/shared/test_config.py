@@ -21,7 +21,7 @@ def test_the_reaching_preset_is_table_one() -> None:
 @pytest.mark.parametrize(
     ("task", "differences"),
     [
-        ("tracking", {"steps": 40, "reward_scale": 0.2}),
+        ("tracking", {"nodes": 100, "steps": 40, "reward_scale": 0.2}),
         (
             "pan_tilt",
             {
