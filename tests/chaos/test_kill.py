@@ -1,5 +1,6 @@
-"""kill -9 of each service in the middle of an iteration, one run, nothing lost and nothing changed."""
+"""What may happen to a run without changing its result: kill -9 of each service, garbage on every key."""
 
+import json
 import os
 import signal
 import subprocess
@@ -8,6 +9,7 @@ import threading
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import psutil
 import pytest
 from rich.console import Console
@@ -15,6 +17,11 @@ from rich.console import Console
 from bpn.local_run import execute, free_endpoint, new_run
 from bpn.summary import summarize
 from bpn.supervisor import Supervisor
+from bpn_shared import keys
+from bpn_shared.bus.latest import LatestPublisher
+from bpn_shared.bus.liveliness import Alive
+from bpn_shared.bus.requests import RefusedError, request
+from bpn_shared.bus.session import Bus
 from bpn_shared.config import RunConfig
 from bpn_shared.run_folder import RunFolder
 
@@ -24,10 +31,12 @@ CONFIG = RunConfig.for_task(
 VICTIMS = ["edge-0", "robot-0", "learner", "router"]
 
 
-def run_to_end(folder: RunFolder, on_started: Callable[[Supervisor], None]) -> None:
+def run_to_end(
+    folder: RunFolder, on_started: Callable[[Supervisor], None], endpoint: str | None = None
+) -> None:
     execute(
         folder,
-        endpoint=free_endpoint(),
+        endpoint=endpoint or free_endpoint(),
         stop=threading.Event(),
         out=Console(quiet=True),
         on_started=on_started,
@@ -74,6 +83,50 @@ def test_every_service_may_die_in_the_middle_of_an_iteration(
     assert summary["episodes"] == CONFIG.iterations * CONFIG.episodes
     assert summary["weights_sha256"] == undisturbed
     assert folder.state().attempt == 2
+
+
+def test_garbage_on_every_key_is_refused_counted_and_changes_nothing(
+    undisturbed: str, tmp_path: Path, wait_for: Callable[..., None]
+) -> None:
+    folder, endpoint = new_run(tmp_path, CONFIG), free_endpoint()
+    run = threading.Thread(target=run_to_end, args=(folder, lambda _: None, endpoint))
+    run.start()
+    wait_for(folder.episode_path(0, 0).exists, "the first episode", 60)
+    frame, action, weights = (
+        keys.frame(folder.run, 0), keys.action(folder.run, 0), keys.weights(folder.run)
+    )  # fmt: skip
+    rng = np.random.default_rng(0)
+    with Bus(endpoint) as bus:
+        streams = [LatestPublisher(bus, key, "frame") for key in (frame, action, weights)]
+        requests = [
+            keys.next_episode(folder.run), keys.episode(folder.run), keys.reset(folder.run, 0)
+        ]  # fmt: skip
+        kinds = ("edge", "robot_sim", "learner")
+        alive = {kind: Alive(bus, kind) for kind in kinds}
+        wait_for(lambda: all(alive[kind].workers() for kind in kinds), "all workers' tokens")
+        for _ in range(30):
+            noise = rng.bytes(int(rng.integers(0, 9000)))
+            for stream in streams:
+                stream.put(noise, attachment=noise[:36])
+            for key in requests:
+                with pytest.raises(RefusedError):
+                    request(bus, key, noise, timeout_s=10.0)
+
+        def count(kind: str, counter: str) -> int:
+            (worker,) = alive[kind].workers()
+            report = json.loads(request(bus, keys.health(kind, worker), b"", timeout_s=10.0))
+            return int(report["counters"].get(counter, 0))
+
+        assert count("edge", "frames_refused") > 0
+        assert count("edge", "weights_refused") > 0
+        assert count("robot_sim", "actions_refused") > 0
+        assert count("robot_sim", "requests_refused") == 30
+        assert count("learner", "requests_refused") == 60
+    run.join(120)
+    assert not run.is_alive(), "the run did not come to its end"
+    summary = summarize(folder)
+    assert (summary["state"], summary["weights_sha256"]) == ("finished", undisturbed)
+    assert folder.state().attempt == 1  # nobody had to be restarted
 
 
 def test_when_the_supervisor_is_killed_its_services_end(

@@ -51,7 +51,7 @@ def test_the_living_are_seen_by_early_and_late_watchers(
     token = AliveToken(worker, "edge", "edge-1")
     wait_for(lambda: "edge-1" in early, "the early watcher to see edge-1")
     late = Alive(open_bus(), "edge")
-    wait_for(lambda: "edge-1" in late and len(late) == 1, "the late watcher to see edge-1")
+    wait_for(lambda: late.workers() == {"edge-1"}, "the late watcher to see edge-1")
     worker.close()
-    wait_for(lambda: "edge-1" not in early and not len(late), "both to see it go")
+    wait_for(lambda: "edge-1" not in early and not late.workers(), "both to see it go")
     del token

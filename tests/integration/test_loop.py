@@ -198,6 +198,10 @@ def test_eval_plays_the_runs_policy(
             ["train", "reaching", "--alpha", "2"],
             "alpha = '2': Input should be less than or equal to 1",
         ),
+        (
+            ["train", "reaching", "--device", "tpu"],
+            "device = 'tpu': Input should be 'cpu' or 'cuda'",
+        ),
         (["train"], "TASK is missing"),
         (["train", "--resume", "nowhere"], "no run in"),
         (["train", "reaching", "--resume", "x", "--seed", "1"], "leave out TASK, --seed"),

@@ -70,7 +70,7 @@ def serve(worker: Worker, runs_dir: Path) -> int:
     folder.set_state("finished" if finished else "stopped")
     if finished:
         ledger.finish()
-        worker.stop.wait(_LINGER_S if len(edges) else 0.0)  # edges ask once more, and are told
+        worker.stop.wait(_LINGER_S if edges.workers() else 0.0)  # edges ask once more, and are told
     del responders
     return EXIT_FINISHED
 

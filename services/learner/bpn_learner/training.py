@@ -23,7 +23,7 @@ from bpn_learner.update import (
     policy_update,
 )
 from bpn_shared.bnn.blob import WeightBlob
-from bpn_shared.config import RunConfig
+from bpn_shared.config import ConfigError, RunConfig
 from bpn_shared.messages.episode import Episode
 from bpn_shared.run_folder import RunFolder, write_atomically
 from bpn_shared.seeds import initial_weights_seed, shuffle_generator
@@ -65,7 +65,7 @@ class Training:
             config.network,
             scale_initial=config.scale_initial,
             generator=torch.Generator().manual_seed(initial_weights_seed(config.seed)),
-        ).to(config.device)
+        ).to(_device(config))
         self._optimizer = make_optimizer(self._network, config.learning_rate)
         self._data: deque[list[EpisodeData]] = deque(maxlen=config.datasets)  # D
 
@@ -204,3 +204,15 @@ class Training:
             "weights_version": blob.version,
             "weights_sha256": blob.content_sha256(),
         }
+
+
+def _device(config: RunConfig) -> torch.device:
+    """The device that the run asks for.
+
+    Raises:
+        ConfigError: it is not there.
+    """
+    if config.device == "cuda" and not torch.cuda.is_available():
+        raise ConfigError("device = 'cuda': torch finds no GPU on this machine; choose cpu")
+    torch.backends.cudnn.allow_tf32 = False  # whole float32, or sums of signs are not exact
+    return torch.device(config.device)

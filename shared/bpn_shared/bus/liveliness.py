@@ -33,10 +33,11 @@ class Alive:
             else:
                 self._workers.discard(worker)
 
+    def workers(self) -> set[str]:
+        """Their ids."""
+        with self._lock:
+            return set(self._workers)
+
     def __contains__(self, worker: object) -> bool:
         with self._lock:
             return worker in self._workers
-
-    def __len__(self) -> int:
-        with self._lock:
-            return len(self._workers)
