@@ -5,9 +5,7 @@ else the machine does meets all of them; reported are the medians of the rounds.
 same geometry with float weights, biases and ReLU, and are given their input as float32 already.
 """
 
-import json
 import statistics
-import sys
 from collections.abc import Callable, Iterable
 from functools import partial
 from importlib.metadata import version
@@ -130,18 +128,13 @@ def _time_us(call: Inference) -> dict[str, float]:
     return {"p50": p50_ns / 1e3, "p99": p99_ns / 1e3}
 
 
-def main(*, as_json: bool) -> int:
-    """Prints the measurement; exit status 1 if the target is missed."""
-    result = run()
-    if as_json:
-        json.dump(result, sys.stdout)
-        print()
-    else:
-        _print(result)
-    return 0 if result["speedup_over_onnxruntime"] >= result["target_speedup"] else 1
+def met(result: dict[str, Any]) -> bool:
+    """Whether the measurement reaches its targets."""
+    return bool(result["speedup_over_onnxruntime"] >= result["target_speedup"])
 
 
-def _print(result: dict[str, Any]) -> None:
+def show(result: dict[str, Any]) -> None:
+    """Prints the measurement as a table."""
     table = Table(
         "kernel", title=f"µs per inference, {result['network']}, one core", caption=_caption(result)
     )

@@ -5,9 +5,7 @@ of memory to the optimizer's step. The candidates take turns in each round, so t
 does meets all of them; reported are the medians of the rounds, and of the ratios within a round.
 """
 
-import json
 import statistics
-import sys
 import warnings
 from collections.abc import Callable
 from importlib.metadata import version
@@ -132,18 +130,13 @@ def _peer() -> Rate:
     return rate
 
 
-def main(*, as_json: bool) -> int:
-    """Prints the measurement; exit status 1 if a target is missed."""
-    result = run()
-    if as_json:
-        json.dump(result, sys.stdout)
-        print()
-    else:
-        _print(result)
-    return 0 if all(result[name] >= target for name, target in TARGETS.items()) else 1
+def met(result: dict[str, Any]) -> bool:
+    """Whether the measurement reaches its targets."""
+    return all(result[name] >= target for name, target in TARGETS.items())
 
 
-def _print(result: dict[str, Any]) -> None:
+def show(result: dict[str, Any]) -> None:
+    """Prints the measurement as a table."""
     versions = ", ".join(f"{name} {number}" for name, number in result["versions"].items())
     load = result["machine"]["load_average"][0]
     table = Table(

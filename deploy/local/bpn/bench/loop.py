@@ -7,9 +7,7 @@ back to back, and the same at the loop's pace, with the robot's simulation and r
 """
 
 import itertools
-import json
 import statistics
-import sys
 import tempfile
 import threading
 from pathlib import Path
@@ -127,23 +125,17 @@ def _message_bytes(config: RunConfig) -> tuple[int, int]:
     return len(header) + channels * height * width, len(action)
 
 
-def main(*, as_json: bool) -> int:
-    """Prints the measurement; exit status 1 if a target is missed."""
-    result = run()
-    if as_json:
-        json.dump(result, sys.stdout)
-        print()
-    else:
-        _print(result)
-    met = (
+def met(result: dict[str, Any]) -> bool:
+    """Whether the measurement reaches its targets."""
+    return bool(
         result["camera_to_action_us"]["p50"] <= TARGETS["camera_to_action_p50_us"]
         and result["ratio_to"]["request_us"] <= TARGETS["ratio_to_request"]
         and result["steps_per_s"] >= TARGETS["steps_per_s"]
     )
-    return 0 if met else 1
 
 
-def _print(result: dict[str, Any]) -> None:
+def show(result: dict[str, Any]) -> None:
+    """Prints the measurement as a table."""
     title = (
         f"{result['steps']} steps in {result['rounds']} rounds, {result['steps_per_s']:.0f} steps/s"
     )
