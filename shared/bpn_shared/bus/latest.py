@@ -9,8 +9,7 @@ period.
 import threading
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import zenoh
 
@@ -19,8 +18,7 @@ from bpn_shared.bus.session import Bus
 _PRIORITIES = {"frame": zenoh.Priority.DATA_HIGH, "action": zenoh.Priority.REAL_TIME}
 
 
-@dataclass(frozen=True, slots=True)
-class Sample:
+class Sample(NamedTuple):
     """One received message; `t_receive_ns` is this process's monotonic clock."""
 
     attachment: bytes

@@ -1,7 +1,7 @@
 """edge -> robot: the action for one frame."""
 
 import struct
-from dataclasses import dataclass
+from typing import NamedTuple
 
 from bpn_shared.messages.base import MessageError
 
@@ -9,8 +9,7 @@ SCHEMA = 1
 _ACTION = struct.Struct("<BBxxIIQII")
 
 
-@dataclass(frozen=True, slots=True)
-class Action:
+class Action(NamedTuple):
     """The policy's answer to the frame (reset_id, step).
 
     Attributes:

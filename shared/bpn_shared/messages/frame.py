@@ -2,8 +2,8 @@
 
 import math
 import struct
-from dataclasses import dataclass
 from enum import IntEnum
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -28,8 +28,7 @@ class FrameKind(IntEnum):
         return self in (FrameKind.LAST, FrameKind.FAILED)
 
 
-@dataclass(frozen=True, slots=True)
-class FrameHeader:
+class FrameHeader(NamedTuple):
     """What identifies a frame, and what the robot did since the one before.
 
     Attributes:
