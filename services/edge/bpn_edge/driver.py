@@ -29,16 +29,24 @@ class EpisodeDriver:
     """Drives the robot of one slot through episodes.
 
     Args:
+        steps: T, the most that an episode has.
         silence_s: how long no frame may come before the robot is asked again to begin the episode (it may
             have been restarted, or the frame was lost).
     """
 
     def __init__(
-        self, worker: Worker, task: Task, link: RobotLink, memory: WeightMemory, silence_s: float
+        self,
+        worker: Worker,
+        task: Task,
+        link: RobotLink,
+        memory: WeightMemory,
+        *,
+        steps: int,
+        silence_s: float,
     ) -> None:
         self._worker, self._task = worker, task
         self._link, self._memory = link, memory
-        self._silence_s = silence_s
+        self._steps, self._silence_s = steps, silence_s
 
     def play(self, assignment: Assignment, choose: Choose) -> Episode | None:
         """Plays the assigned episode with the weights in the active bank.
@@ -59,6 +67,7 @@ class EpisodeDriver:
             self._task,
             self._link,
             self._memory,
+            steps=self._steps,
             assignment=assignment,
             reset_id=reset.reset_id,
             choose=choose,
@@ -72,7 +81,7 @@ class EpisodeDriver:
                 if game.silent_s() > self._silence_s:
                     worker.waiting.set(f"a frame from robot {worker.slot}")
                     self._link.reset(reset)
-                    game.heard()
+                    game.heard(time.monotonic_ns())
         finally:
             self._link.listen(None)
         worker.waiting.done()
@@ -95,30 +104,32 @@ class _Game:
         link: RobotLink,
         memory: WeightMemory,
         *,
+        steps: int,
         assignment: Assignment,
         reset_id: int,
         choose: Choose,
     ) -> None:
         self._worker, self._task, self._link, self._memory = worker, task, link, memory
         self._assignment, self._reset_id, self._choose = assignment, reset_id, choose
+        # all at once: between two frames every instruction delays the sending of the last action
+        self._uniforms = [action_uniform(assignment.seed, step) for step in range(steps)]
         self.over = threading.Event()
         self.episode: Episode | None = None
         self.error: Exception | None = None
         self._begin()
-        self.heard()
+        self.heard(time.monotonic_ns())
 
     def _begin(self) -> None:
         self._recorder = EpisodeRecorder(self._task)
         self._answer: Action | None = None
-        self._uniform = action_uniform(self._assignment.seed, 0)
 
-    def heard(self) -> None:
+    def heard(self, t_ns: int) -> None:
         """Notes that the robot gave a sign of life, or a new chance to give one."""
-        self._heard_s = time.monotonic()
+        self._heard_ns = t_ns
 
     def silent_s(self) -> float:
         """Seconds without a sign of life."""
-        return time.monotonic() - self._heard_s
+        return (time.monotonic_ns() - self._heard_ns) / 1e9
 
     def on_frame(
         self, header: FrameHeader, pixels: npt.NDArray[np.uint8], t_receive_ns: int
@@ -127,7 +138,7 @@ class _Game:
         if header.reset_id != self._reset_id or self.over.is_set():
             self._worker.counters.add("frames_of_other_episodes")
             return
-        self.heard()
+        self.heard(t_receive_ns)
         try:
             self._take(header, pixels, t_receive_ns)
         except Exception as error:
@@ -141,7 +152,8 @@ class _Game:
         if header.step == 0 and self._recorder.next_step > 0:
             self._worker.counters.add("episodes_begun_again")
             self._begin()
-        if header.step != self._recorder.next_step:
+        beyond = header.step >= len(self._uniforms) and not header.kind.ends_episode
+        if header.step != self._recorder.next_step or beyond:
             self._worker.counters.add("episodes_with_missing_frames")
             self.over.set()
             return
@@ -157,7 +169,7 @@ class _Game:
         outputs = self._memory.run(observation)
         inference_ns = time.perf_counter_ns() - start_ns
         self._answer = Action(
-            action=self._choose(outputs, self._uniform),
+            action=self._choose(outputs, self._uniforms[step]),
             step=step,
             weights_version=self._assignment.weights_version,
             reset_id=self._reset_id,
@@ -165,9 +177,7 @@ class _Game:
             edge_ns=time.monotonic_ns() - t_receive_ns,
         )
         self._link.send(self._answer)
-        # off the critical path: the robot is moving now
         self._recorder.add_outputs(outputs, inference_ns)
-        self._uniform = action_uniform(self._assignment.seed, step + 1)
 
     def _finish(self) -> None:
         blob = self._memory.blob

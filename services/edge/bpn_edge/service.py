@@ -36,7 +36,12 @@ def serve(worker: Worker, config: RunConfig) -> int:
     )
     period_s = task.control_period_s if config.pacing == "realtime" else 0.0
     driver = EpisodeDriver(
-        worker, task, RobotLink(worker, task), memory, max(_SILENCE_S, 5 * period_s)
+        worker,
+        task,
+        RobotLink(worker, task),
+        memory,
+        steps=config.steps,
+        silence_s=max(_SILENCE_S, 5 * period_s),
     )
     learner = LearnerLink(worker)
     while not worker.stop.is_set():

@@ -56,7 +56,7 @@ class RobotService:
             reset = self._take_reset()
             if reset is None:
                 self._worker.waiting.set("an edge to begin an episode")
-                self._actions.take(_RESEND_S, self._interrupted)
+                self._actions.take(_RESEND_S)
                 continue
             self._worker.waiting.done()
             self._play(reset)
@@ -148,7 +148,7 @@ class RobotService:
         while not self._ends_now():
             self._send(header, pixels)
             self._repeat = False
-            self._actions.take(_RESEND_S, self._interrupted)
+            self._actions.take(_RESEND_S)
 
     def _receive(
         self, header: FrameHeader, deadline_s: float, interrupted: Callable[[], bool]
@@ -158,7 +158,7 @@ class RobotService:
             remaining_s = deadline_s - time.monotonic()
             if remaining_s <= 0:
                 return None
-            sample = self._actions.take(remaining_s, interrupted)
+            sample = self._actions.take(remaining_s)
             if sample is None:
                 continue
             answer = self._decode(sample, header)

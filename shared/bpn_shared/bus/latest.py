@@ -37,14 +37,15 @@ class LatestPublisher:
             express=True,
         )
 
-    def put(self, payload: bytes, attachment: bytes = b"") -> None:
+    def put(self, payload: bytes, attachment: bytes | None = None) -> None:
         self._publisher.put(payload, attachment=attachment)
 
 
 def _received(sample: zenoh.Sample) -> Sample:
     now_ns = time.monotonic_ns()
-    attachment = sample.attachment.to_bytes() if sample.attachment is not None else b""
-    return Sample(attachment, sample.payload.to_bytes(), now_ns)
+    attachment = sample.attachment
+    header = b"" if attachment is None else attachment.to_bytes()
+    return Sample(header, sample.payload.to_bytes(), now_ns)
 
 
 class DirectSubscriber:
@@ -63,38 +64,40 @@ class DirectSubscriber:
 
 
 class LatestSubscriber:
-    """A slot with the newest message; older ones that nobody took are gone."""
+    """A slot with the newest message; older ones that nobody took are gone.
+
+    One thread takes. It waits on a bare lock, which is one call: between the sending of a frame and going to
+    sleep, a robot's every instruction delays the frame where robot and network share a core.
+    """
 
     def __init__(self, bus: Bus, key: str) -> None:
-        self._changed = threading.Condition()
+        self._slot = threading.Lock()
         self._sample: Sample | None = None
+        self._news = threading.Lock()  # held while there are none
+        self._news.acquire()
         self.received = 0
         """Messages so far, taken or not."""
         # The default handler would queue 256 stale frames instead of keeping the newest.
         self._subscriber = DirectSubscriber(bus, key, self._put)
 
     def _put(self, sample: Sample) -> None:
-        with self._changed:
-            self.received += 1
+        with self._slot:
             self._sample = sample
-            self._changed.notify_all()
-
-    def take(
-        self, timeout_s: float, interrupted: Callable[[], bool] = lambda: False
-    ) -> Sample | None:
-        """The newest message that nobody took yet.
-
-        Returns:
-            None if none comes within the timeout, or if `interrupted()` is true, which is looked at now
-            and at every `wake`.
-        """
-        with self._changed:
-            if self._sample is None:
-                self._changed.wait_for(lambda: self._sample is not None or interrupted(), timeout_s)
-            sample, self._sample = self._sample, None
-            return sample
+            self.received += 1
+            self._tell()
 
     def wake(self) -> None:
-        """Makes a waiting `take` look at its `interrupted` again."""
-        with self._changed:
-            self._changed.notify_all()
+        """Makes `take` return at once, the one that waits now or the next one."""
+        with self._slot:
+            self._tell()
+
+    def _tell(self) -> None:
+        if self._news.locked():
+            self._news.release()
+
+    def take(self, timeout_s: float) -> Sample | None:
+        """The newest message that nobody took yet; None if none came within the timeout, or after `wake`."""
+        self._news.acquire(timeout=max(0.0, timeout_s))
+        with self._slot:
+            sample, self._sample = self._sample, None
+            return sample
