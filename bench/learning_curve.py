@@ -16,7 +16,7 @@ import numpy as np
 from rich.console import Console
 
 from bpn.bench.machine import machine
-from bpn.local_run import execute, free_endpoint, new_run
+from bpn.local_run import execute, new_run, private_endpoint
 from bpn.summary import summarize
 from bpn_robot_sim.reaching.optimum import optimal_return
 from bpn_shared.config import RunConfig
@@ -72,7 +72,7 @@ def main() -> int:
         folder = folder_for(options.runs_dir, RunConfig.for_task("reaching", seed=seed))
         if folder.state().state != "finished":
             print(f"seed {seed}: run {folder.run}", file=sys.stderr)
-            execute(folder, endpoint=free_endpoint(), stop=stop, out=Console(stderr=True))
+            execute(folder, endpoint=private_endpoint(), stop=stop, out=Console(stderr=True))
             if stop.is_set():
                 return 130
         summaries.append(summarize(folder))

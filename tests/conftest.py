@@ -12,7 +12,6 @@ from typing import Any
 import pytest
 from hypothesis import settings
 
-from bpn.local_run import free_endpoint
 from bpn_shared.bus.session import Bus
 
 DEADLINE_S = 20.0
@@ -37,20 +36,26 @@ def _wait_for() -> Callable[..., None]:
     return wait_for
 
 
+def free_tcp_endpoint() -> str:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
+
+
+@pytest.fixture(name="free_tcp_endpoint")
+def _free_tcp_endpoint() -> str:
+    """A loopback port that nobody listens at."""
+    return free_tcp_endpoint()
+
+
 @contextlib.contextmanager
 def running_router(endpoint: str) -> Iterator[None]:
     """A router in a process of its own, as in real life; ready when this yields."""
     process = subprocess.Popen(
         [sys.executable, "-m", "bpn_shared.bus.router", "--listen", endpoint]
     )
-    host, port = endpoint.removeprefix("tcp/").split(":")
-
-    def listens() -> bool:
-        with socket.socket() as probe:
-            return probe.connect_ex((host, int(port))) == 0
-
     try:
-        wait_for(listens, f"the router at {endpoint}")
+        Bus(endpoint, deadline_s=DEADLINE_S).close()  # it waits until the router is there
         yield
     finally:
         process.terminate()
@@ -65,7 +70,7 @@ def _running_router() -> Callable[[str], contextlib.AbstractContextManager[None]
 @pytest.fixture
 def endpoint() -> Iterator[str]:
     """The address of a router that only this test uses."""
-    address = free_endpoint()
+    address = free_tcp_endpoint()
     with running_router(address):
         yield address
 

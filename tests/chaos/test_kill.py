@@ -14,7 +14,7 @@ import psutil
 import pytest
 from rich.console import Console
 
-from bpn.local_run import execute, free_endpoint, new_run
+from bpn.local_run import execute, new_run, private_endpoint
 from bpn.summary import summarize
 from bpn.supervisor import Supervisor
 from bpn_shared import keys
@@ -36,7 +36,7 @@ def run_to_end(
 ) -> None:
     execute(
         folder,
-        endpoint=endpoint or free_endpoint(),
+        endpoint=endpoint or private_endpoint(),
         stop=threading.Event(),
         out=Console(quiet=True),
         on_started=on_started,
@@ -88,7 +88,7 @@ def test_every_service_may_die_in_the_middle_of_an_iteration(
 def test_garbage_on_every_key_is_refused_counted_and_changes_nothing(
     undisturbed: str, tmp_path: Path, wait_for: Callable[..., None]
 ) -> None:
-    folder, endpoint = new_run(tmp_path, CONFIG), free_endpoint()
+    folder, endpoint = new_run(tmp_path, CONFIG), private_endpoint()
     run = threading.Thread(target=run_to_end, args=(folder, lambda _: None, endpoint))
     run.start()
     wait_for(folder.episode_path(0, 0).exists, "the first episode", 60)

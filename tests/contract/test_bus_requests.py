@@ -5,7 +5,6 @@ from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
-from bpn.local_run import free_endpoint
 from bpn_shared.bus.requests import NoReplyError, RefusedError, Responder, request
 from bpn_shared.bus.session import Bus, BusError
 from bpn_shared.messages.base import MessageError
@@ -67,29 +66,29 @@ def test_a_handler_that_never_answers_ends_at_the_deadline(open_bus: OpenBus) ->
     del responder
 
 
-def test_a_service_that_starts_before_the_router_finds_it(running_router: RunningRouter) -> None:
-    endpoint = free_endpoint()
+def test_a_service_that_starts_before_the_router_finds_it(
+    running_router: RunningRouter, free_tcp_endpoint: str
+) -> None:
     opened: list[Bus] = []
-    thread = threading.Thread(target=lambda: opened.append(Bus(endpoint, deadline_s=20.0)))
+    thread = threading.Thread(target=lambda: opened.append(Bus(free_tcp_endpoint, deadline_s=20.0)))
     thread.start()
-    with running_router(endpoint):
+    with running_router(free_tcp_endpoint):
         thread.join(20)
         assert opened
         assert opened[0].connected
         opened[0].close()
 
 
-def test_no_router_is_an_error_that_names_the_remedy() -> None:
+def test_no_router_is_an_error_that_names_the_remedy(free_tcp_endpoint: str) -> None:
     with pytest.raises(BusError, match="start one with `bpn-router`"):
-        Bus(free_endpoint(), deadline_s=0.3)
+        Bus(free_tcp_endpoint, deadline_s=0.3)
 
 
 def test_requests_work_again_after_the_router_was_replaced(
-    running_router: RunningRouter, wait_for: Callable[..., None]
+    running_router: RunningRouter, free_tcp_endpoint: str, wait_for: Callable[..., None]
 ) -> None:
-    endpoint = free_endpoint()
-    with running_router(endpoint):
-        served, asking = Bus(endpoint), Bus(endpoint)
+    with running_router(free_tcp_endpoint):
+        served, asking = Bus(free_tcp_endpoint), Bus(free_tcp_endpoint)
         responder = Responder(served, "test/echo", lambda body: body, Counters())
         assert request(asking, "test/echo", b"1", timeout_s=5.0) == b"1"
 
@@ -100,7 +99,7 @@ def test_requests_work_again_after_the_router_was_replaced(
             return False
 
     assert not answers()
-    with running_router(endpoint):
+    with running_router(free_tcp_endpoint):
         wait_for(answers, "an answer through the second router")
         served.close()
         asking.close()

@@ -2,8 +2,9 @@
 
 import contextlib
 import logging
-import socket
+import secrets
 import sys
+import tempfile
 import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -33,11 +34,10 @@ def new_run(runs_dir: Path, config: RunConfig) -> RunFolder:
     return RunFolder.create(runs_dir, UUID(str(uuid_utils.uuid7())), config)
 
 
-def free_endpoint() -> str:
-    """A loopback endpoint that nobody listens at now."""
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
+def private_endpoint() -> str:
+    """An endpoint that nobody listens at: a Unix socket, which only this user may connect to."""
+    path = Path(tempfile.gettempdir()) / f"bpn-{secrets.token_hex(6)}.sock"
+    return f"unixsock-stream/{path}"
 
 
 def execute(

@@ -12,8 +12,8 @@ import numpy.typing as npt
 Outputs = npt.NDArray[np.int32]
 
 
-def softmax_probabilities(outputs: Outputs, scale: float, beta: float) -> list[float]:
-    """pi(a|s) = exp(beta P(s,a)) / sum_b exp(beta P(s,b)) with P = lambda * o (Eq. 9, 14).
+def softmax_weights(outputs: Outputs, scale: float, beta: float) -> list[float]:
+    """pi(a|s) up to its sum: exp(beta (P(s,a) - max_b P(s,b))) with P = lambda * o (Eq. 9, 14).
 
     Args:
         outputs: o, int32[|A|].
@@ -21,23 +21,22 @@ def softmax_probabilities(outputs: Outputs, scale: float, beta: float) -> list[f
         beta: inverse temperature.
 
     Returns:
-        |A| numbers that sum to 1.
+        |A| numbers in [0, 1], the best action's is 1.
     """
     o = outputs.tolist()
-    top = max(o)
-    weights = [exp(beta * scale * (value - top)) for value in o]
-    total = sum(weights)
-    return [weight / total for weight in weights]
+    top, rate = max(o), beta * scale
+    return [exp(rate * (value - top)) for value in o]
 
 
 def softmax_action(outputs: Outputs, scale: float, beta: float, uniform: float) -> int:
     """The action that the softmax policy draws for a uniform number in [0, 1) (inverse CDF)."""
-    cumulative = 0.0
-    for action, probability in enumerate(softmax_probabilities(outputs, scale, beta)):
-        cumulative += probability
-        if uniform < cumulative:
+    weights = softmax_weights(outputs, scale, beta)
+    remaining = uniform * sum(weights)
+    for action, weight in enumerate(weights):
+        remaining -= weight
+        if remaining < 0:
             return action
-    return len(outputs) - 1  # the sum rounded to just below 1, and the number lies above it
+    return len(weights) - 1  # rounding: the number is as good as 1
 
 
 def epsilon_greedy_action(outputs: Outputs, epsilon: float, uniform: float) -> int:

@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from bpn_shared import keys
-from bpn_shared.bus.latest import DirectSubscriber, LatestPublisher, Sample
+from bpn_shared.bus.latest import DirectSubscriber, LatestPublisher
 from bpn_shared.bus.requests import NoReplyError, RefusedError, request
 from bpn_shared.messages.action import Action
 from bpn_shared.messages.base import MessageError
@@ -39,16 +39,16 @@ class RobotLink:
         """From now on frames go to `on_frame`, on the network thread; None: they go nowhere."""
         self._on_frame = on_frame
 
-    def _receive(self, sample: Sample) -> None:
+    def _receive(self, attachment: bytes, payload: bytes, t_receive_ns: int) -> None:
         on_frame = self._on_frame
         if on_frame is None:
             return
         try:
-            header, pixels = decode_frame(sample.attachment, sample.payload, self._task.frame_shape)
+            header, pixels = decode_frame(attachment, payload, self._task.frame_shape)
         except MessageError as error:
             self._worker.counters.refuse("frames_refused", str(error))
             return
-        on_frame(header, pixels, sample.t_receive_ns)
+        on_frame(header, pixels, t_receive_ns)
 
     def reset(self, reset: Reset) -> bool:
         """Tells the robot to begin an episode, again and again until it answers; False if stopped."""

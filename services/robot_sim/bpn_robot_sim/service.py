@@ -9,9 +9,6 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
-import numpy as np
-import numpy.typing as npt
-
 from bpn_robot_sim.robot import Robot, make_robot
 from bpn_shared import keys
 from bpn_shared.bus.latest import LatestPublisher, LatestSubscriber, Sample
@@ -87,7 +84,7 @@ class RobotService:
     def _play(self, reset: Reset) -> None:
         robot, hold = self._robot, self._task.hold_action
         realtime = self._config.pacing == "realtime"
-        pixels = robot.reset(reset.seed)
+        pixels = robot.reset(reset.seed).tobytes()
         kind, step, applied, loop_ns, misses = FrameKind.FIRST, 0, NO_ACTION, 0, 0
         while True:
             header = FrameHeader(
@@ -104,7 +101,7 @@ class RobotService:
             applied = hold if answer is None else answer.action
             misses += answer is None
             loop_ns = 0 if answer is None else answer.t_receive_ns - header.t_capture_ns
-            pixels = robot.frame()
+            pixels = robot.frame().tobytes()
             step += 1
             kind = FrameKind.MID
             if robot.terminated:
@@ -112,7 +109,7 @@ class RobotService:
             elif step == self._config.steps:
                 kind = FrameKind.LAST
 
-    def _await_action(self, header: FrameHeader, pixels: npt.NDArray[np.uint8]) -> Answer | None:
+    def _await_action(self, header: FrameHeader, pixels: bytes) -> Answer | None:
         """Lockstep: sends the frame until its action comes, applies it and lets the robot settle."""
         while not self._ends_now():
             self._send(header, pixels)
@@ -127,7 +124,7 @@ class RobotService:
             self._repeat = False
         return None
 
-    def _tick(self, header: FrameHeader, pixels: npt.NDArray[np.uint8]) -> Answer | None:
+    def _tick(self, header: FrameHeader, pixels: bytes) -> Answer | None:
         """Realtime: the world goes on for one control period; an action acts from when it arrived."""
         period_s = self._task.control_period_s
         start_s = header.t_capture_ns / 1e9
@@ -143,7 +140,7 @@ class RobotService:
         self._worker.stop.wait(max(0.0, start_s + period_s - time.monotonic()))
         return answer
 
-    def _repeat_until_reset(self, header: FrameHeader, pixels: npt.NDArray[np.uint8]) -> None:
+    def _repeat_until_reset(self, header: FrameHeader, pixels: bytes) -> None:
         """The episode is over: its last frame is sent until an edge begins another."""
         while not self._ends_now():
             self._send(header, pixels)
@@ -177,8 +174,8 @@ class RobotService:
             return None
         return Answer(action.action, sample.t_receive_ns)
 
-    def _send(self, header: FrameHeader, pixels: npt.NDArray[np.uint8]) -> None:
-        self._frames.put(pixels.tobytes(), header.encode())
+    def _send(self, header: FrameHeader, pixels: bytes) -> None:
+        self._frames.put(pixels, header.encode())
 
 
 def serve(worker: Worker, config: RunConfig) -> int:

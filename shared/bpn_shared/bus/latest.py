@@ -41,11 +41,8 @@ class LatestPublisher:
         self._publisher.put(payload, attachment=attachment)
 
 
-def _received(sample: zenoh.Sample) -> Sample:
-    now_ns = time.monotonic_ns()
-    attachment = sample.attachment
-    header = b"" if attachment is None else attachment.to_bytes()
-    return Sample(header, sample.payload.to_bytes(), now_ns)
+OnMessage = Callable[[bytes, bytes, int], None]
+"""Takes a message: attachment, payload, and when it came (this process's monotonic clock, ns)."""
 
 
 class DirectSubscriber:
@@ -54,9 +51,12 @@ class DirectSubscriber:
     What the handler raises is only logged by Zenoh, so it should raise nothing.
     """
 
-    def __init__(self, bus: Bus, key: str, handler: Callable[[Sample], None]) -> None:
+    def __init__(self, bus: Bus, key: str, handler: OnMessage) -> None:
         def receive(sample: zenoh.Sample) -> None:
-            handler(_received(sample))
+            now_ns = time.monotonic_ns()
+            attachment = sample.attachment
+            header = b"" if attachment is None else attachment.to_bytes()
+            handler(header, sample.payload.to_bytes(), now_ns)
 
         self._subscriber = bus.zenoh.declare_subscriber(
             key, zenoh.handlers.Callback(receive, indirect=False)
@@ -80,9 +80,9 @@ class LatestSubscriber:
         # The default handler would queue 256 stale frames instead of keeping the newest.
         self._subscriber = DirectSubscriber(bus, key, self._put)
 
-    def _put(self, sample: Sample) -> None:
+    def _put(self, attachment: bytes, payload: bytes, t_receive_ns: int) -> None:
         with self._slot:
-            self._sample = sample
+            self._sample = Sample(attachment, payload, t_receive_ns)
             self.received += 1
             self._tell()
 

@@ -25,7 +25,10 @@ class FrameKind(IntEnum):
 
     @property
     def ends_episode(self) -> bool:
-        return self in (FrameKind.LAST, FrameKind.FAILED)
+        return self >= FrameKind.LAST
+
+
+_KINDS = tuple(FrameKind)
 
 
 class FrameHeader(NamedTuple):
@@ -83,10 +86,10 @@ class FrameHeader(NamedTuple):
         ) = _HEADER.unpack(data)
         if schema != SCHEMA:
             raise MessageError(f"frame header: schema {schema}, this program reads {SCHEMA}")
-        if kind > FrameKind.FAILED:
-            raise MessageError(f"frame header: kind {kind} is none of 0..{FrameKind.FAILED}")
+        if kind >= len(_KINDS):
+            raise MessageError(f"frame header: kind {kind} is none of 0..{len(_KINDS) - 1}")
         return cls(
-            FrameKind(kind), iteration, episode, step, reset_id, t_ns, applied, loop_ns, misses, channels
+            _KINDS[kind], iteration, episode, step, reset_id, t_ns, applied, loop_ns, misses, channels
         )  # fmt: skip
 
 

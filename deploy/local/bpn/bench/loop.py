@@ -19,7 +19,7 @@ from rich.table import Table
 
 from bpn.bench.machine import machine
 from bpn.bench.tcp import tcp_round_trips_us
-from bpn.local_run import free_endpoint, new_run
+from bpn.local_run import new_run, private_endpoint
 from bpn.summary import percentiles, summarize
 from bpn.supervisor import Service, Supervisor, services_of_run
 from bpn_robot_sim.robot import make_robot
@@ -69,10 +69,10 @@ def run(rounds: int = ROUNDS) -> dict[str, Any]:
 
 def _round(directory: Path, seed: int) -> dict[str, Any]:
     config = RunConfig.for_task(
-        "reaching", seed=seed, iterations=3, episodes=EPISODES, epochs=1, datasets=1
+        "reaching", seed=seed, nodes=100, iterations=3, episodes=EPISODES, epochs=1, datasets=1
     )
     folder = new_run(directory, config)
-    endpoint = free_endpoint()
+    endpoint = private_endpoint()
     services = services_of_run(folder.run, config, directory, endpoint)
     frame_bytes, action_bytes = _message_bytes(config)
     echo = ["bpn_shared.bus.echo", "--connect", endpoint, "--answer-bytes", str(action_bytes)]

@@ -6,7 +6,7 @@ import sys
 
 from rich.console import Console
 
-from bpn.local_run import execute, free_endpoint, new_run
+from bpn.local_run import execute, new_run, private_endpoint
 from bpn.options import add_run_options, add_runs_dir, config_from, given_run_options
 from bpn.summary import summarize
 from bpn_shared.config import PRESETS, ConfigError
@@ -33,7 +33,7 @@ def run(options: argparse.Namespace) -> int:
         f"run {folder.run} ({config.algorithm}, {config.task}, seed {config.seed}) in {folder.path}"
     )
     stop = stop_on_signals()
-    execute(folder, endpoint=free_endpoint(), stop=stop, out=out)
+    execute(folder, endpoint=private_endpoint(), stop=stop, out=out)
     summary = summarize(folder)
     if options.json:
         print(json.dumps(summary))
