@@ -4,7 +4,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.installed
-PIP_INSTALL := $(BIN)/python -m pip install --disable-pip-version-check -q -c constraints.txt
+PIP_INSTALL := $(BIN)/python -W ignore -m pip install --disable-pip-version-check -q -c constraints.txt
 PACKAGES := shared services/edge services/learner services/robot_sim deploy/local
 SOURCES := $(PACKAGES:%=%/bpn*)
 
