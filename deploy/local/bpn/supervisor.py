@@ -8,7 +8,7 @@ import sys
 import threading
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import IO
 from uuid import UUID
@@ -41,7 +41,7 @@ class Service:
     restart_at_s: float = 0.0
     finished: bool = False
     failure: str = ""
-    restarts: int = field(default=0)
+    restarts: int = 0
 
     @property
     def pid(self) -> int | None:

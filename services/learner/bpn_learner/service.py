@@ -6,7 +6,9 @@ from pathlib import Path
 
 from bpn_learner.checkpoint import CheckpointError
 from bpn_learner.ledger import EpisodeLedger
+from bpn_learner.reward import RewardError
 from bpn_learner.training import Training
+from bpn_learner.update import DivergenceError
 from bpn_shared import keys
 from bpn_shared.bus.liveliness import Alive
 from bpn_shared.bus.metrics import MetricsPublisher
@@ -63,7 +65,7 @@ def serve(worker: Worker, runs_dir: Path) -> int:
     )
     try:
         finished = training.run()
-    except CheckpointError as error:
+    except (CheckpointError, DivergenceError, RewardError) as error:  # they would come again
         log.error("%s", error)
         folder.set_state("failed", error=str(error))
         return EXIT_UNRECOVERABLE

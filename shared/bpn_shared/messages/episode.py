@@ -12,7 +12,7 @@ from typing import Annotated, Any, Self
 import msgpack
 import numpy as np
 import numpy.typing as npt
-from pydantic import ConfigDict, Field, TypeAdapter, ValidationError
+from pydantic import Field, ValidationError
 
 from bpn_shared.config import MAX_STEPS
 from bpn_shared.messages.base import Message, MessageError, check_size, unpack_map
@@ -89,7 +89,7 @@ class Episode:
         """
         check_size("episode", data, MAX_BYTES)
         try:
-            parts = _PARTS.validate_python(unpack_map("episode", data, SCHEMA))
+            parts = _Parts.model_validate(unpack_map("episode", data, SCHEMA))
         except ValidationError as error:
             first = error.errors()[0]
             raise MessageError(
@@ -112,8 +112,6 @@ class Episode:
 
 
 class _Parts(Message):
-    model_config = ConfigDict(frozen=True, extra="forbid", strict=True)
-
     meta: EpisodeMeta
     steps: Annotated[int, Field(ge=1, le=MAX_STEPS)]
     frames: bytes
@@ -121,9 +119,6 @@ class _Parts(Message):
     outputs: bytes
     inference_ns: bytes
     camera_to_action_ns: bytes
-
-
-_PARTS = TypeAdapter(_Parts)
 
 
 def _array(
