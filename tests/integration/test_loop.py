@@ -157,6 +157,23 @@ def test_ctrl_c_stops_everything_and_resume_ends_as_if_undisturbed(
     assert folder.state().attempt == 2
 
 
+def test_a_damaged_checkpoint_fails_once_and_names_the_remedy(
+    train: Train, tmp_path: Path, command: Command
+) -> None:
+    train("reaching", "--iterations", "1", "--episodes", "2", "--epochs", "1", runs_dir=tmp_path)
+    (folder,) = (RunFolder(path.parent) for path in tmp_path.glob("*/config.json"))
+    folder.checkpoint_path.write_bytes(folder.checkpoint_path.read_bytes()[:100])
+    done = subprocess.run(
+        command("train", "--resume", str(folder.run), "--runs-dir", str(tmp_path)),
+        capture_output=True, text=True, timeout=60, check=False,
+    )  # fmt: skip
+    assert done.returncode == 1
+    assert "cannot be resumed from" in done.stderr
+    assert "Remove it to train the run from its beginning" in done.stderr
+    assert folder.state().state == "failed"
+    assert folder.state().attempt == 2  # a restart would not mend it, and none was tried
+
+
 def test_a_realtime_robot_keeps_its_period(train: Train) -> None:
     run = train(
         "reaching", "--pacing", "realtime", "--iterations", "1", "--episodes", "2", "--epochs", "1"

@@ -71,7 +71,8 @@ def execute(
             end: State = "failed" if supervisor.failure else "stopped"
             folder.set_state(end, error=supervisor.failure)
     if supervisor.failure:
-        raise RunFailedError(f"{supervisor.failure} in {folder.logs}")
+        reason = folder.state().error
+        raise RunFailedError(f"{supervisor.failure} in {folder.logs}\n{reason}".rstrip())
 
 
 @contextlib.contextmanager
