@@ -2,7 +2,7 @@
 
 import argparse
 import json
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 from rich.console import Console
@@ -12,9 +12,9 @@ from bpn_edge.kernel import load
 from bpn_edge.policy import epsilon_greedy_action, softmax_action
 from bpn_learner.reward import rewards
 from bpn_robot_sim.robot import Robot, make_robot
-from bpn_shared.bnn.blob import WeightBlob
 from bpn_shared.config import ConfigError, Kernel, RunConfig
 from bpn_shared.observation import stack
+from bpn_shared.policies import Policy, decode_policy
 from bpn_shared.run_folder import RunFolder
 from bpn_shared.seeds import action_uniform, episode_seed
 
@@ -27,7 +27,7 @@ def add(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> No
     parser.add_argument("--trials", type=int, default=10, help="episodes (default 10)")
     parser.add_argument("--policy", choices=("greedy", "softmax"), default="greedy")
     parser.add_argument("--version", type=int, help="weights version (default: the newest)")
-    parser.add_argument("--kernel", choices=("native", "golden"), default="native")
+    parser.add_argument("--kernel", choices=get_args(Kernel), help="default: the run's")
     parser.add_argument("--json", action="store_true", help="print one JSON object")
     add_runs_dir(parser)
     parser.set_defaults(run=run)
@@ -37,19 +37,20 @@ def run(options: argparse.Namespace) -> int:
     """Plays the trials and prints their returns in pixels."""
     folder = RunFolder.open(options.runs_dir, options.run_id)
     config = folder.config()
-    blob = _weights(folder, options.version)
+    weights = _weights(folder, options.version)
     if options.trials < 1:
         raise ConfigError(f"--trials = {options.trials} must be at least 1")
+    kernel = options.kernel or config.kernel
     robot = make_robot(config.task)
     returns_px, lengths = [], []
     for trial in range(options.trials):
-        frames = play(robot, blob, config, trial, policy=options.policy, kernel=options.kernel)
+        frames = play(robot, weights, config, trial, policy=options.policy, kernel=kernel)
         returns_px.append(float(rewards(config.task, frames).sum()))
         lengths.append(len(frames) - 1)
     robot.close()
     result: dict[str, Any] = {
         "run_id": str(folder.run),
-        "weights_version": blob.version,
+        "weights_version": weights.version,
         "policy": options.policy,
         "trials": options.trials,
         "return_px": {"mean": float(np.mean(returns_px)), "std": float(np.std(returns_px))},
@@ -60,7 +61,7 @@ def run(options: argparse.Namespace) -> int:
         print(json.dumps(result))
     else:
         Console().print(
-            f"{options.trials} {options.policy} episodes with weights version {blob.version}: return "
+            f"{options.trials} {options.policy} episodes with weights version {weights.version}: return "
             f"{result['return_px']['mean']:.1f} ± {result['return_px']['std']:.1f} px, "
             f"length {np.mean(lengths):.1f}",
             highlight=False,
@@ -69,7 +70,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def play(
-    robot: Robot, blob: WeightBlob, config: RunConfig, trial: int, *, policy: str, kernel: Kernel
+    robot: Robot, weights: Policy, config: RunConfig, trial: int, *, policy: str, kernel: Kernel
 ) -> np.typing.NDArray[np.uint8]:
     """One episode in lockstep, in this process.
 
@@ -77,7 +78,7 @@ def play(
         Its frames, uint8[T+1, c, 84, 84].
     """
     running = load(kernel)
-    running.load(blob)
+    running.load(weights)
     seed = episode_seed(config.seed, _EVALUATION, trial)
     frames = [robot.reset(seed)]
     for step in range(config.steps):
@@ -87,7 +88,7 @@ def play(
         if policy == "greedy":
             action = epsilon_greedy_action(outputs, 0.0, uniform)
         else:
-            action = softmax_action(outputs, blob.scale, config.beta, uniform)
+            action = softmax_action(outputs, weights.scale, config.beta, uniform)
         robot.command(action)
         robot.settle()
         frames.append(robot.frame())
@@ -96,7 +97,7 @@ def play(
     return np.stack(frames)
 
 
-def _weights(folder: RunFolder, version: int | None) -> WeightBlob:
+def _weights(folder: RunFolder, version: int | None) -> Policy:
     if version is None:
         return folder.newest_weights()
     path = folder.weights_path(version)
@@ -104,4 +105,4 @@ def _weights(folder: RunFolder, version: int | None) -> WeightBlob:
         raise ConfigError(
             f"--version {version}: not in {path.parent}, the newest is {folder.newest_weights().version}"
         )
-    return WeightBlob.decode(path.read_bytes())
+    return decode_policy(path.read_bytes())
