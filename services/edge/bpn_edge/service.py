@@ -21,8 +21,8 @@ _SILENCE_S = 1.0
 
 
 def chooser(config: RunConfig, assignment: Assignment, scale: float) -> Choose:
-    """The policy of the run's algorithm, for one episode."""
-    if config.algorithm == "bpn":
+    """The policy that an episode is to be played with."""
+    if assignment.policy == "softmax":
         return lambda outputs, uniform: softmax_action(outputs, scale, config.beta, uniform)
     return lambda outputs, uniform: epsilon_greedy_action(outputs, assignment.epsilon, uniform)
 
