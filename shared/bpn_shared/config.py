@@ -17,10 +17,13 @@ from bpn_shared.tasks import Task, task_named
 
 Pacing = Literal["lockstep", "realtime"]
 Kernel = Literal["native", "golden", "onnx"]
+Policy = Literal["softmax", "epsilon_greedy"]
+"""How an action is drawn from a network's outputs."""
 Device = Literal["cpu", "cuda"]
 Engine = Literal["fast", "plain"]
 
 MAX_STEPS = 1000
+MAX_ACTION_DELAY_MS = 2000.0
 
 
 class ConfigError(ValueError):
@@ -89,6 +92,14 @@ class RunConfig(BaseModel):
     pacing: Annotated[
         Pacing, Field(description="lockstep: the robot waits for the action; realtime: it does not")
     ] = "lockstep"
+    action_delay_ms: Annotated[
+        float,
+        Field(
+            ge=0,
+            le=MAX_ACTION_DELAY_MS,
+            description="realtime pacing: time added between a frame and its action's effect",
+        ),
+    ] = 0.0
     kernel: Annotated[
         Kernel,
         Field(description="what runs the policy at the edge; native, golden: binary, onnx: float"),
@@ -121,6 +132,15 @@ class RunConfig(BaseModel):
             )
         return self
 
+    @model_validator(mode="after")
+    def _delay_needs_time(self) -> Self:
+        if self.action_delay_ms and self.pacing == "lockstep":
+            raise ValueError(
+                f"action_delay_ms = {self.action_delay_ms} means nothing in lockstep, where the robot "
+                "waits for the action: set pacing = realtime"
+            )
+        return self
+
     @property
     def algorithm_spec(self) -> Algorithm:
         return ALGORITHMS[self.algorithm]
@@ -133,12 +153,17 @@ class RunConfig(BaseModel):
     def network(self) -> NetworkSpec:
         return self.task_spec.network(self.nodes)
 
+    @property
+    def policy(self) -> Policy:
+        """What data are collected with: CVI's policy is its softmax, DQN explores epsilon-greedily."""
+        return "softmax" if self.algorithm_spec.update == "cvi" else "epsilon_greedy"
+
     def epsilon(self, iteration: int) -> float:
         """Share of uniformly random actions in an iteration: 0 for CVI, whose policy is stochastic.
 
         For DQN it falls linearly from `epsilon_initial` to `epsilon_final` over the first half of the run.
         """
-        if self.algorithm_spec.update == "cvi":
+        if self.policy == "softmax":
             return 0.0
         progress = min(1.0, 2 * iteration / self.iterations)
         return self.epsilon_initial + progress * (self.epsilon_final - self.epsilon_initial)

@@ -12,7 +12,7 @@ from bpn_shared.bus.latest import LatestPublisher
 from bpn_shared.bus.liveliness import AliveToken
 from bpn_shared.bus.session import Bus
 from bpn_shared.bus.weights import WeightsPublisher, WeightsSubscriber, _encode_header
-from bpn_shared.float_policy import FloatPolicy
+from bpn_shared.float_weights import FloatWeights
 from bpn_shared.service import Counters
 
 OpenBus = Callable[[], Bus]
@@ -100,7 +100,7 @@ GOOD = blob(1, 1)
             _encode_header(GOOD),
             WeightBlob.random(NetworkSpec(1, 17, 4), np.random.default_rng(0)).encode(),
         ),
-        (_encode_header(GOOD), FloatPolicy(SPEC, b"model", np.zeros(4, np.float32)).encode()),
+        (_encode_header(GOOD), FloatWeights(SPEC, b"model", np.zeros(4, np.float32)).encode()),
     ],
     ids=[
         "no header",

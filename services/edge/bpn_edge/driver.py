@@ -181,11 +181,11 @@ class _Game:
         self._recorder.add_outputs(outputs, inference_ns)
 
     def _finish(self) -> None:
-        policy = self._memory.policy
+        weights = self._memory.weights
         self.episode = self._recorder.finish(
             self._assignment,
             slot=self._worker.slot,
             worker=self._worker.id,
-            weights_attempt=policy.attempt if policy else 0,
+            weights_attempt=weights.attempt if weights else 0,
         )
         self.over.set()

@@ -11,8 +11,8 @@ from bpn_shared.bnn import golden
 from bpn_shared.bnn.blob import BlobError, WeightBlob
 from bpn_shared.config import Kernel as KernelName
 from bpn_shared.outputs import Outputs
-from bpn_shared.policies import Policy
 from bpn_shared.service import Counters
+from bpn_shared.weights import Weights
 
 log = logging.getLogger(__name__)
 
@@ -31,23 +31,23 @@ class WeightMemory:
         self._active, self._idle = load(kernel), load(kernel)
         self._counters = counters
         self._changed = threading.Condition()
-        self._offered: Policy | None = None
-        self.policy: Policy | None = None
+        self._offered: Weights | None = None
+        self.weights: Weights | None = None
         """What the active bank holds."""
 
-    def offer(self, policy: Policy) -> None:
+    def offer(self, weights: Weights) -> None:
         """Loads a policy into the idle bank and verifies the bank; one that fails is not used."""
         with self._changed:
             try:
-                self._idle.load(policy)
-                verify(self._idle, policy)
+                self._idle.load(weights)
+                verify(self._idle, weights)
             except BlobError as error:
                 self._offered = None
                 self._counters.refuse(
-                    "weights_failed_verification", f"version {policy.version} is not used: {error}"
+                    "weights_failed_verification", f"version {weights.version} is not used: {error}"
                 )
                 return
-            self._offered = policy
+            self._offered = weights
             self._changed.notify_all()
 
     def activate(self, version: int, timeout_s: float) -> bool:
@@ -61,14 +61,14 @@ class WeightMemory:
             offered = self._offered
             if offered is not None and offered.version == version:
                 self._active, self._idle = self._idle, self._active
-                self.policy, self._offered = offered, None
+                self.weights, self._offered = offered, None
                 log.info("runs weights version %d of attempt %d", offered.version, offered.attempt)
-            return self.policy is not None and self.policy.version == version
+            return self.weights is not None and self.weights.version == version
 
     def _holds(self, version: int) -> bool:
         return any(
-            policy is not None and policy.version == version
-            for policy in (self.policy, self._offered)
+            weights is not None and weights.version == version
+            for weights in (self.weights, self._offered)
         )
 
     def run(self, observation: npt.NDArray[np.uint8]) -> Outputs:
@@ -76,19 +76,19 @@ class WeightMemory:
         return self._active.run(observation)
 
 
-def verify(kernel: Kernel, policy: Policy) -> None:
+def verify(kernel: Kernel, weights: Weights) -> None:
     """Runs a probe: a binarized policy as the golden model does, a float one to P as the learner has it.
 
     Raises:
         BlobError: the kernel, which holds the policy, computes something else.
     """
-    probe = policy.spec.probe()
+    probe = weights.spec.probe()
     found = kernel.run(probe)
-    if isinstance(policy, WeightBlob):
-        if not np.array_equal(found, golden.forward(policy, probe)[-1]):
+    if isinstance(weights, WeightBlob):
+        if not np.array_equal(found, golden.forward(weights, probe)[-1]):
             raise BlobError(f"the {kernel.name} kernel computes it wrongly (try --kernel golden)")
         return
-    expected = policy.probe_outputs
+    expected = weights.probe_outputs
     tolerance = _FLOAT_TOLERANCE * float(np.abs(expected).max())
     if not np.allclose(found, expected, rtol=0, atol=tolerance):
         raise BlobError(

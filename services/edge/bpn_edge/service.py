@@ -21,8 +21,8 @@ _SILENCE_S = 1.0
 
 
 def chooser(config: RunConfig, assignment: Assignment, scale: float) -> Choose:
-    """The policy of the run's algorithm, for one episode."""
-    if config.algorithm_spec.update == "cvi":
+    """The policy that an episode is to be played with."""
+    if assignment.policy == "softmax":
         return lambda outputs, uniform: softmax_action(outputs, scale, config.beta, uniform)
     return lambda outputs, uniform: epsilon_greedy_action(outputs, assignment.epsilon, uniform)
 
@@ -65,8 +65,8 @@ def serve(worker: Worker, config: RunConfig) -> int:
             weights.refresh()
             continue
         worker.waiting.done()
-        assert memory.policy is not None  # activate() said so
-        episode = driver.play(assignment, chooser(config, assignment, memory.policy.scale))
+        assert memory.weights is not None  # activate() said so
+        episode = driver.play(assignment, chooser(config, assignment, memory.weights.scale))
         if episode is not None:
             learner.deliver(episode)
     return EXIT_FINISHED

@@ -8,11 +8,11 @@ from bpn_learner.fold import fold
 from bpn_learner.networks import BinaryNetwork, FloatNetwork, PNetwork, as_kernels
 from bpn_learner.onnx_model import onnx_model
 from bpn_shared.bnn.blob import NO_RUN
-from bpn_shared.float_policy import FloatPolicy
-from bpn_shared.policies import Policy
+from bpn_shared.float_weights import FloatWeights
+from bpn_shared.weights import Weights
 
 
-def export(network: PNetwork, *, run: UUID = NO_RUN, attempt: int = 0, version: int = 0) -> Policy:
+def export(network: PNetwork, *, run: UUID = NO_RUN, attempt: int = 0, version: int = 0) -> Weights:
     """The evaluated network: a binarized one folded, a float one as an ONNX model.
 
     Raises:
@@ -22,14 +22,14 @@ def export(network: PNetwork, *, run: UUID = NO_RUN, attempt: int = 0, version: 
     if isinstance(network, BinaryNetwork):
         return fold(network, run=run, attempt=attempt, version=version)
     if isinstance(network, FloatNetwork):
-        return float_policy(network, run=run, attempt=attempt, version=version)
+        return float_weights(network, run=run, attempt=attempt, version=version)
     raise TypeError(f"a {type(network).__name__} cannot be exported")
 
 
 @torch.no_grad()
-def float_policy(
+def float_weights(
     network: FloatNetwork, *, run: UUID = NO_RUN, attempt: int = 0, version: int = 0
-) -> FloatPolicy:
+) -> FloatWeights:
     """The network as an ONNX model, with P of the probe for whoever loads it.
 
     Raises:
@@ -42,4 +42,4 @@ def float_policy(
         biases.append(bias.cpu().numpy())
     probe = torch.from_numpy(spec.probe())[None].float().to(network.weights.device)
     outputs = network(probe)[0].cpu().numpy()
-    return FloatPolicy(spec, onnx_model(spec, weights, biases), outputs, run, attempt, version)
+    return FloatWeights(spec, onnx_model(spec, weights, biases), outputs, run, attempt, version)

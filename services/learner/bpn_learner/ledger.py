@@ -101,6 +101,7 @@ class EpisodeLedger:
                 seed=episode_seed(self._config.seed, self._iteration, episode),
                 weights_attempt=self._attempt,
                 weights_version=self._iteration,  # theta-minus has seen as many updates
+                policy=self._config.policy,
                 epsilon=self._config.epsilon(self._iteration),
             )
 

@@ -24,10 +24,10 @@ from bpn_learner.update import (
 )
 from bpn_shared.config import ConfigError, RunConfig
 from bpn_shared.messages.episode import Episode
-from bpn_shared.policies import Policy
 from bpn_shared.run_folder import RunFolder, write_atomically
 from bpn_shared.seeds import initial_weights_seed, shuffle_generator
 from bpn_shared.service import Waiting
+from bpn_shared.weights import Weights
 
 log = logging.getLogger(__name__)
 
@@ -52,7 +52,7 @@ class Training:
         ledger: EpisodeLedger,
         *,
         attempt: int,
-        publish: Callable[[Policy], None],
+        publish: Callable[[Weights], None],
         report: Report,
         waiting: Waiting,
         stop: threading.Event,
@@ -94,9 +94,9 @@ class Training:
                 update = self._update(iteration)
             except UpdateStopped:
                 return False
-            policy = self._release(iteration + 1)
+            weights = self._release(iteration + 1)
             seconds = {"collect_s": collect_s, "iteration_s": time.monotonic() - start_s}
-            record = self._record(iteration, episodes, update, policy) | seconds
+            record = self._record(iteration, episodes, update, weights) | seconds
             self._folder.append_metrics(record)
             # Last: a crash before this line repeats the iteration, to the same result.
             save_checkpoint(
@@ -116,12 +116,14 @@ class Training:
         log.info("resumes after %d of %d iterations", done, self._config.iterations)
         return done
 
-    def _release(self, version: int) -> Policy:
+    def _release(self, version: int) -> Weights:
         """Exports the network, keeps the policy in the run folder and sends it out."""
-        policy = export(self._network, run=self._folder.run, attempt=self._attempt, version=version)
-        write_atomically(self._folder.weights_path(version), policy.encode())
-        self._publish(policy)
-        return policy
+        weights = export(
+            self._network, run=self._folder.run, attempt=self._attempt, version=version
+        )
+        write_atomically(self._folder.weights_path(version), weights.encode())
+        self._publish(weights)
+        return weights
 
     def _collect(self, iteration: int) -> list[Episode] | None:
         self._waiting.set(f"{self._config.episodes} episodes of iteration {iteration}")
@@ -176,7 +178,7 @@ class Training:
         )
 
     def _record(
-        self, iteration: int, episodes: list[Episode], update: UpdateReport, policy: Policy
+        self, iteration: int, episodes: list[Episode], update: UpdateReport, weights: Weights
     ) -> dict[str, float | int | str | list[float]]:
         """The iteration's line in the run folder; docs/metrics.md explains every value."""
         scale = self._config.reward_scale
@@ -202,8 +204,8 @@ class Training:
             "epsilon": self._config.epsilon(iteration),
             "updates": update.updates,
             "update_s": update.seconds,
-            "weights_version": policy.version,
-            "weights_sha256": policy.content_sha256(),
+            "weights_version": weights.version,
+            "weights_sha256": weights.content_sha256(),
         }
 
 

@@ -13,8 +13,8 @@ from bpn_shared.algorithms import NetworkKind
 from bpn_shared.bnn.blob import BlobError
 from bpn_shared.bnn.spec import NetworkSpec
 from bpn_shared.bus.session import Bus
-from bpn_shared.policies import Policy, decode_policy, max_policy_bytes, network_kind
 from bpn_shared.service import Counters
+from bpn_shared.weights import Weights, decode_weights, max_weights_bytes, network_kind
 
 log = logging.getLogger(__name__)
 
@@ -23,8 +23,8 @@ _SCHEMA = 1
 _GET_TIMEOUT_S = 2.0
 
 
-def _encode_header(policy: Policy) -> bytes:
-    return _HEADER.pack(_SCHEMA, policy.attempt, policy.version)
+def _encode_header(weights: Weights) -> bytes:
+    return _HEADER.pack(_SCHEMA, weights.attempt, weights.version)
 
 
 class WeightsPublisher:
@@ -40,8 +40,8 @@ class WeightsPublisher:
         )
         self._queryable = bus.zenoh.declare_queryable(self._key, self._answer, complete=True)
 
-    def publish(self, policy: Policy) -> None:
-        header, data = _encode_header(policy), policy.encode()
+    def publish(self, weights: Weights) -> None:
+        header, data = _encode_header(weights), weights.encode()
         self._newest = header, data
         self._publisher.put(data, attachment=header)
 
@@ -70,7 +70,7 @@ class WeightsSubscriber:
         bus: Bus,
         run: UUID,
         spec: NetworkSpec,
-        on_newer: Callable[[Policy], None],
+        on_newer: Callable[[Weights], None],
         counters: Counters,
         *,
         kind: NetworkKind,
@@ -108,28 +108,28 @@ class WeightsSubscriber:
                 rank = _decode_rank(header)
                 if rank <= self._highest:
                     return
-                policy = self._decode(sample.payload.to_bytes(), rank)
+                weights = self._decode(sample.payload.to_bytes(), rank)
                 self._highest = rank
-                self._on_newer(policy)
+                self._on_newer(weights)
         except BlobError as error:
             self._counters.refuse("weights_refused", f"weights refused: {error}")
 
-    def _decode(self, data: bytes, rank: tuple[int, int]) -> Policy:
-        limit = max_policy_bytes(self._kind, self._spec)
+    def _decode(self, data: bytes, rank: tuple[int, int]) -> Weights:
+        limit = max_weights_bytes(self._kind, self._spec)
         if len(data) > limit:
             raise BlobError(
                 f"{len(data)} bytes, a {self._kind} policy with {self._spec} has {limit}"
             )
-        policy = decode_policy(data)
-        if network_kind(policy) != self._kind:
-            raise BlobError(f"a {network_kind(policy)} policy, this edge runs {self._kind} ones")
-        if policy.spec != self._spec:
-            raise BlobError(f"geometry {policy.spec}, this edge runs {self._spec}")
-        if policy.run != self._run:
-            raise BlobError(f"belongs to run {policy.run}, this edge serves {self._run}")
-        if (policy.attempt, policy.version) != rank:
+        weights = decode_weights(data)
+        if network_kind(weights) != self._kind:
+            raise BlobError(f"a {network_kind(weights)} policy, this edge runs {self._kind} ones")
+        if weights.spec != self._spec:
+            raise BlobError(f"geometry {weights.spec}, this edge runs {self._spec}")
+        if weights.run != self._run:
+            raise BlobError(f"belongs to run {weights.run}, this edge serves {self._run}")
+        if (weights.attempt, weights.version) != rank:
             raise BlobError(f"header says (attempt, version) {rank}, the policy says otherwise")
-        return policy
+        return weights
 
 
 def _decode_rank(header: bytes) -> tuple[int, int]:

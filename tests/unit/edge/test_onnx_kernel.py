@@ -18,26 +18,26 @@ from bpn_learner.onnx_model import onnx_model
 from bpn_shared.bnn.blob import BlobError, WeightBlob
 from bpn_shared.bnn.spec import NetworkSpec
 from bpn_shared.config import ConfigError
-from bpn_shared.float_policy import FloatPolicy
+from bpn_shared.float_weights import FloatWeights
 from bpn_shared.service import Counters
 
 SPEC = NetworkSpec(2, 30, 6)
 
 
-def random_policy(seed: int, spec: NetworkSpec = SPEC) -> FloatPolicy:
+def random_policy(seed: int, spec: NetworkSpec = SPEC) -> FloatWeights:
     rng = np.random.default_rng(seed)
     weights, biases = [], []
     for layer in spec.layers:
         shape = (layer.out_channels, layer.in_channels, layer.kernel, layer.kernel)
         weights.append((rng.normal(size=shape) / layer.max_input).astype(np.float32))
         biases.append(rng.normal(size=layer.out_channels).astype(np.float32))
-    policy = FloatPolicy(
+    policy = FloatWeights(
         spec, onnx_model(spec, weights, biases), np.zeros(spec.actions, np.float32)
     )
     return replace(policy, probe_outputs=reference(policy, spec.probe()))
 
 
-def reference(policy: FloatPolicy, observation: np.ndarray) -> np.ndarray:
+def reference(policy: FloatWeights, observation: np.ndarray) -> np.ndarray:
     evaluator = ReferenceEvaluator(onnx.load(io.BytesIO(policy.model)))
     outputs: np.ndarray = evaluator.run(None, {"pixels": observation[None].astype(np.float32)})[0][
         0
@@ -72,7 +72,7 @@ def test_banks_are_swapped_between_two_frames() -> None:
         np.testing.assert_allclose(memory.run(IMAGE), expected, rtol=1e-3, atol=1e-2)
 
 
-def refused(policy: FloatPolicy) -> dict[str, int]:
+def refused(policy: FloatWeights) -> dict[str, int]:
     counters = Counters()
     memory = WeightMemory("onnx", counters)
     memory.offer(POLICIES[0])

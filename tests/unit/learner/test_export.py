@@ -15,7 +15,7 @@ from bpn_learner.fold import fold
 from bpn_learner.networks import BinaryNetwork, FloatNetwork, PNetwork, make_network
 from bpn_shared.bnn.blob import BlobError, WeightBlob
 from bpn_shared.bnn.spec import NetworkSpec
-from bpn_shared.float_policy import FloatPolicy, max_model_bytes
+from bpn_shared.float_weights import FloatWeights, max_model_bytes
 
 SPEC = NetworkSpec(channels=2, nodes=12, actions=5)
 specs = st.builds(
@@ -30,9 +30,9 @@ def float_network(spec: NetworkSpec = SPEC, seed: int = 0) -> FloatNetwork:
     return FloatNetwork(spec, generator=torch.Generator().manual_seed(seed))
 
 
-def exported(network: FloatNetwork) -> FloatPolicy:
+def exported(network: FloatNetwork) -> FloatWeights:
     policy = export(network)
-    assert isinstance(policy, FloatPolicy)
+    assert isinstance(policy, FloatWeights)
     return policy
 
 

@@ -145,7 +145,7 @@ def test_the_float_network_has_the_geometry_and_no_limit() -> None:
 
 def test_the_float_network_is_torchs_layers() -> None:
     network = FloatNetwork(SPEC, generator=torch.Generator().manual_seed(0))
-    parts: list[nn.Module] = [nn.Flatten(0, 0)]
+    parts: list[nn.Module] = []
     for layer, (weights, bias) in zip(SPEC.layers, network.affine(), strict=True):
         part = nn.Conv2d(layer.in_channels, layer.out_channels, layer.kernel, layer.stride)
         shape = (layer.out_channels, layer.kernel, layer.kernel, layer.in_channels)

@@ -4,7 +4,7 @@ from bpn_edge.kernel.protocol import binarized, not_loaded
 from bpn_shared.bnn import golden
 from bpn_shared.bnn.blob import WeightBlob
 from bpn_shared.bnn.golden import Integers, Observation
-from bpn_shared.policies import Policy
+from bpn_shared.weights import Weights
 
 
 class GoldenKernel:
@@ -15,9 +15,9 @@ class GoldenKernel:
     def __init__(self) -> None:
         self._blob: WeightBlob | None = None
 
-    def load(self, policy: Policy) -> None:
+    def load(self, weights: Weights) -> None:
         """See `Kernel.load`."""
-        self._blob = binarized(self.name, policy)
+        self._blob = binarized(self.name, weights)
 
     def run(self, observation: Observation) -> Integers:
         """See `Kernel.run`."""

@@ -3,7 +3,7 @@
 from bpn_edge.kernel import _native
 from bpn_edge.kernel.protocol import binarized, not_loaded
 from bpn_shared.bnn.golden import Integers, Observation
-from bpn_shared.policies import Policy
+from bpn_shared.weights import Weights
 
 
 def available_paths() -> tuple[str, ...]:
@@ -30,9 +30,9 @@ class NativeKernel:
         self.path = path or paths[0]
         self._network: _native.Network | None = None
 
-    def load(self, policy: Policy) -> None:
+    def load(self, weights: Weights) -> None:
         """See `Kernel.load`; runs that have begun end with the weights they began with."""
-        blob = binarized(self.name, policy)
+        blob = binarized(self.name, weights)
         self._network = _native.Network(
             self.path, blob.spec.channels, blob.weights, blob.thresholds
         )

@@ -5,7 +5,7 @@ from typing import Protocol
 from bpn_shared.bnn.blob import BlobError, WeightBlob
 from bpn_shared.bnn.golden import Observation
 from bpn_shared.outputs import Outputs
-from bpn_shared.policies import Policy
+from bpn_shared.weights import Weights
 
 
 class Kernel(Protocol):
@@ -19,7 +19,7 @@ class Kernel(Protocol):
         """What `bpn_edge.kernel.load` calls this kernel."""
         ...
 
-    def load(self, policy: Policy) -> None:
+    def load(self, weights: Weights) -> None:
         """Replaces the weights; any geometry is taken.
 
         Raises:
@@ -43,19 +43,19 @@ class Kernel(Protocol):
         ...
 
 
-def binarized(name: str, policy: Policy) -> WeightBlob:
+def binarized(name: str, weights: Weights) -> WeightBlob:
     """The policy for a kernel that runs binarized ones.
 
     Raises:
         BlobError: it is another.
     """
-    if not isinstance(policy, WeightBlob):
+    if not isinstance(weights, WeightBlob):
         raise BlobError(f"the {name} kernel runs binarized policies, this one is float")
-    return policy
+    return weights
 
 
 def not_loaded(name: str) -> RuntimeError:
     """The error of a kernel that is run without weights."""
     return RuntimeError(
-        f"kernel {name!r} has no weights: call load(policy) before run(observation)"
+        f"kernel {name!r} has no weights: call load(weights) before run(observation)"
     )

@@ -4,18 +4,18 @@ from bpn_shared.algorithms import NetworkKind
 from bpn_shared.bnn.blob import MAGIC as BINARY_MAGIC
 from bpn_shared.bnn.blob import BlobError, WeightBlob, encoded_size
 from bpn_shared.bnn.spec import NetworkSpec
-from bpn_shared.float_policy import MAGIC as FLOAT_MAGIC
-from bpn_shared.float_policy import FloatPolicy, max_encoded_size
+from bpn_shared.float_weights import MAGIC as FLOAT_MAGIC
+from bpn_shared.float_weights import FloatWeights, max_encoded_size
 
-Policy = WeightBlob | FloatPolicy
+Weights = WeightBlob | FloatWeights
 
-_KINDS: dict[bytes, type[WeightBlob] | type[FloatPolicy]] = {
+_KINDS: dict[bytes, type[WeightBlob] | type[FloatWeights]] = {
     BINARY_MAGIC: WeightBlob,
-    FLOAT_MAGIC: FloatPolicy,
+    FLOAT_MAGIC: FloatWeights,
 }
 
 
-def decode_policy(data: bytes) -> Policy:
+def decode_weights(data: bytes) -> Weights:
     """Reads the bytes of either kind.
 
     Raises:
@@ -27,11 +27,11 @@ def decode_policy(data: bytes) -> Policy:
     return kind.decode(data)
 
 
-def network_kind(policy: Policy) -> NetworkKind:
+def network_kind(weights: Weights) -> NetworkKind:
     """What computes the policy's P."""
-    return "binary" if isinstance(policy, WeightBlob) else "float"
+    return "binary" if isinstance(weights, WeightBlob) else "float"
 
 
-def max_policy_bytes(kind: NetworkKind, spec: NetworkSpec) -> int:
+def max_weights_bytes(kind: NetworkKind, spec: NetworkSpec) -> int:
     """The most bytes that a policy of that kind and geometry has."""
     return encoded_size(spec) if kind == "binary" else max_encoded_size(spec)

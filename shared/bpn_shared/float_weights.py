@@ -28,7 +28,7 @@ _GRAPH_BYTES = 16 * 1024  # of a model, beside its parameters
 
 
 @dataclass(frozen=True, eq=False)
-class FloatPolicy:
+class FloatWeights:
     """A float policy with its provenance.
 
     Attributes:
