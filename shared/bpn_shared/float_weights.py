@@ -54,11 +54,9 @@ class FloatWeights:
             raise BlobError(
                 f"model of {len(self.model)} bytes, one with {self.spec} has 1..{max_model_bytes(self.spec)}"
             )
-        found = self.probe_outputs.dtype, self.probe_outputs.shape
-        if found != (np.float32, (self.spec.actions,)):
-            raise BlobError(
-                f"probe_outputs are {found[0]}{list(found[1])}, not float32[{self.spec.actions}]"
-            )
+        found = f"{self.probe_outputs.dtype}{list(self.probe_outputs.shape)}"
+        if found != f"float32[{self.spec.actions}]":
+            raise BlobError(f"probe_outputs are {found}, not float32[{self.spec.actions}]")
         if not np.isfinite(self.probe_outputs).all():
             raise BlobError("probe_outputs are not finite")
         for name, value in (("attempt", self.attempt), ("version", self.version)):

@@ -148,15 +148,18 @@ class FloatNetwork(PNetwork):
 
     def __init__(self, spec: NetworkSpec, *, generator: torch.Generator) -> None:
         super().__init__(spec)
-        weights, biases = [], []
-        for layer in spec.layers:
-            bound = layer.fan_in**-0.5
-            for shape, parts in ((layer.weight_shape, weights), (layer.out_channels, biases)):
-                values = torch.empty(shape).uniform_(-bound, bound, generator=generator)
-                parts.append(values.flatten())
-        self._weight_sizes, self._bias_sizes = [len(w) for w in weights], [len(b) for b in biases]
-        self.weights = nn.Parameter(torch.cat(weights))
-        self.biases = nn.Parameter(torch.cat(biases))
+        self._weight_sizes = [layer.out_channels * layer.fan_in for layer in spec.layers]
+        self._bias_sizes = [layer.out_channels for layer in spec.layers]
+
+        def drawn(sizes: list[int]) -> nn.Parameter:
+            bounds = [layer.fan_in**-0.5 for layer in spec.layers]
+            parts = [
+                torch.empty(size).uniform_(-bound, bound, generator=generator)
+                for size, bound in zip(sizes, bounds, strict=True)
+            ]
+            return nn.Parameter(torch.cat(parts))
+
+        self.weights, self.biases = drawn(self._weight_sizes), drawn(self._bias_sizes)
 
     def forward(self, pixels: Tensor) -> Tensor:
         x = pixels

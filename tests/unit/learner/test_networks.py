@@ -155,7 +155,7 @@ def test_the_float_network_is_torchs_layers() -> None:
     pixels = images(5).float()
     P = network(pixels)
     assert torch.allclose(P, nn.Sequential(*parts[:-1])(pixels).flatten(1), rtol=1e-4, atol=1e-6)
-    conv1 = network.affine()[0][0]
+    conv1 = network.affine()[0][0].detach()
     assert conv1.abs().max() * 255 == pytest.approx(SPEC.layers[0].fan_in ** -0.5, rel=0.05)
     P.square().sum().backward()
     assert all(p.grad is not None and p.grad.any() for p in network.parameters())

@@ -16,7 +16,7 @@ from bpn.options import add_runs_dir
 from bpn_shared.config import ConfigError, Kernel, Pacing, RunConfig
 from bpn_shared.run_folder import RunFolder
 from bpn_shared.service import stop_on_signals
-from bpn_shared.weights import decode_weights
+from bpn_shared.weights import Weights, decode_weights
 
 
 def add(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
@@ -98,7 +98,7 @@ def _trials(options: argparse.Namespace, trained: RunConfig) -> Trials:
     return Trials(options.trials, options.policy, seed, changes)
 
 
-def _weights(folder: RunFolder, version: int | None) -> Policy:
+def _weights(folder: RunFolder, version: int | None) -> Weights:
     if version is None:
         return folder.newest_weights()
     path = folder.weights_path(version)
