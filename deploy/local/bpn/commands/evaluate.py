@@ -15,7 +15,6 @@ from bpn.evaluation.trials import PlayedPolicy, Trials, play
 from bpn.options import add_runs_dir
 from bpn_shared.bnn.blob import WeightBlob
 from bpn_shared.config import ConfigError, Kernel, Pacing, RunConfig
-from bpn_shared.messages.episode import Episode
 from bpn_shared.run_folder import RunFolder
 from bpn_shared.service import stop_on_signals
 

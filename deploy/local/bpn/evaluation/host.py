@@ -56,6 +56,11 @@ class TrialHost:
         ]
 
     @property
+    def trial_s(self) -> float:
+        """How long a trial takes in realtime pacing, at most."""
+        return self._config.steps * self._config.task_spec.control_period_s
+
+    @property
     def played(self) -> int:
         """How many trials are over."""
         with self._lock:
