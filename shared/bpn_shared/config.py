@@ -11,12 +11,12 @@ from pydantic import (
     model_validator,
 )
 
+from bpn_shared.algorithms import ALGORITHMS, KERNELS, Algorithm, AlgorithmName, implied
 from bpn_shared.bnn.spec import MAX_NODES, NetworkSpec
 from bpn_shared.tasks import Task, task_named
 
 Pacing = Literal["lockstep", "realtime"]
-Kernel = Literal["native", "golden"]
-Algorithm = Literal["bpn", "bqn"]
+Kernel = Literal["native", "golden", "onnx"]
 Policy = Literal["softmax", "epsilon_greedy"]
 """How an action is drawn from a network's outputs."""
 Device = Literal["cpu", "cuda"]
@@ -37,7 +37,10 @@ class RunConfig(BaseModel):
 
     task: Annotated[str, Field(description="what the robot learns")] = "reaching"
     algorithm: Annotated[
-        Algorithm, Field(description="bpn: binary network + CVI; bqn: binary network + DQN")
+        AlgorithmName,
+        Field(
+            description="binary network: bpn (CVI), bqn (DQN); float network: cvi, dqn, dpp (CVI, alpha = 1)"
+        ),
     ] = "bpn"
     seed: Annotated[int, Field(ge=0, lt=2**63, description="seed of everything random")] = 0
 
@@ -55,10 +58,10 @@ class RunConfig(BaseModel):
         bool, Field(description="no bootstrap from failures (Algorithm 1 as printed: bootstrap)")
     ] = False
     epsilon_initial: Annotated[
-        float, Field(ge=0, le=1, description="bqn: share of random actions in iteration 0")
+        float, Field(ge=0, le=1, description="bqn, dqn: share of random actions in iteration 0")
     ] = 1.0
     epsilon_final: Annotated[
-        float, Field(ge=0, le=1, description="bqn: share of random actions at the end")
+        float, Field(ge=0, le=1, description="bqn, dqn: share of random actions at the end")
     ] = 0.05
 
     nodes: Annotated[int, Field(ge=1, le=MAX_NODES, description="N, nodes of FC(N)")] = 100
@@ -69,7 +72,9 @@ class RunConfig(BaseModel):
     learning_rate_last: Annotated[
         float, Field(ge=0, le=1, description="share of it in the last iteration (linear)")
     ] = 0.1
-    scale_initial: Annotated[float, Field(gt=0, le=100, description="lambda at the start")] = 0.2
+    scale_initial: Annotated[
+        float, Field(gt=0, le=100, description="binary: lambda at the start")
+    ] = 0.2
     reward_scale: Annotated[
         float, Field(gt=0, le=1e3, description="factor on rewards in pixels before learning")
     ] = 0.1
@@ -95,12 +100,37 @@ class RunConfig(BaseModel):
             description="realtime pacing: time added between a frame and its action's effect",
         ),
     ] = 0.0
-    kernel: Annotated[Kernel, Field(description="what runs the policy at the edge")] = "native"
+    kernel: Annotated[
+        Kernel,
+        Field(description="what runs the policy at the edge; native, golden: binary, onnx: float"),
+    ] = "native"
+
+    @model_validator(mode="before")
+    @classmethod
+    def _fill_implied(cls, values: Any) -> Any:
+        """What the algorithm implies stands in for what was not given."""
+        return (
+            implied(str(values.get("algorithm"))) | values if isinstance(values, dict) else values
+        )
 
     @field_validator("task")
     @classmethod
     def _known_task(cls, name: str) -> str:
         return task_named(name).name
+
+    @model_validator(mode="after")
+    def _fits_algorithm(self) -> Self:
+        kernels = KERNELS[self.algorithm_spec.network]
+        if self.kernel not in kernels:
+            raise ValueError(
+                f"kernel = {self.kernel!r} does not run the network of {self.algorithm!r}, which is "
+                f"{self.algorithm_spec.network}; one of: {', '.join(kernels)}"
+            )
+        if self.algorithm == "dpp" and self.alpha != 1:
+            raise ValueError(
+                f"alpha = {self.alpha}: dpp is CVI with alpha = 1; leave alpha out, or choose cvi"
+            )
+        return self
 
     @model_validator(mode="after")
     def _delay_needs_time(self) -> Self:
@@ -110,6 +140,10 @@ class RunConfig(BaseModel):
                 "waits for the action: set pacing = realtime"
             )
         return self
+
+    @property
+    def algorithm_spec(self) -> Algorithm:
+        return ALGORITHMS[self.algorithm]
 
     @property
     def task_spec(self) -> Task:
@@ -122,7 +156,7 @@ class RunConfig(BaseModel):
     @property
     def policy(self) -> Policy:
         """What data are collected with: CVI's policy is its softmax, DQN explores epsilon-greedily."""
-        return "softmax" if self.algorithm == "bpn" else "epsilon_greedy"
+        return "softmax" if self.algorithm_spec.update == "cvi" else "epsilon_greedy"
 
     def epsilon(self, iteration: int) -> float:
         """Share of uniformly random actions in an iteration: 0 for CVI, whose policy is stochastic.
@@ -146,7 +180,8 @@ class RunConfig(BaseModel):
         Raises:
             ConfigError: a value is unknown or outside its range.
         """
-        return cls.parse({"task": task, **PRESETS.get(task, {}), **changes}, source="options")
+        preset = PRESETS.get(task, {}) | implied(changes.get("algorithm", ""))
+        return cls.parse({"task": task} | preset | changes, source="options")
 
     @classmethod
     def parse(cls, values: object, *, source: str) -> Self:
@@ -193,9 +228,11 @@ def describe(error: ValidationError, source: str) -> str:
     """A validation error as one line per value: its name, the value, what it must be."""
     lines = []
     for item in error.errors():
-        name = ".".join(str(part) for part in item["loc"]) or "content"
+        name = ".".join(str(part) for part in item["loc"])
         value = "" if isinstance(item["input"], dict) else f" = {item['input']!r}"
-        lines.append(f"{source}: {name}{value}: {_remedy(item['type'], item['msg'])}")
+        # where several values do not fit together, the message names them
+        what = f"{name}{value}: " if name else ""
+        lines.append(f"{source}: {what}{_remedy(item['type'], item['msg'])}")
     return "\n".join(lines)
 
 

@@ -30,9 +30,14 @@ def chooser(config: RunConfig, assignment: Assignment, scale: float) -> Choose:
 def serve(worker: Worker, config: RunConfig) -> int:
     """Plays what the learner assigns, until there is no more or the worker is stopped."""
     task = config.task_spec
-    memory = WeightMemory(config.kernel, config.network, worker.counters)
+    memory = WeightMemory(config.kernel, worker.counters)
     weights = WeightsSubscriber(
-        worker.bus, worker.run, config.network, memory.offer, worker.counters
+        worker.bus,
+        worker.run,
+        config.network,
+        memory.offer,
+        worker.counters,
+        kind=config.algorithm_spec.network,
     )
     period_s = task.control_period_s if config.pacing == "realtime" else 0.0
     driver = EpisodeDriver(
@@ -60,8 +65,8 @@ def serve(worker: Worker, config: RunConfig) -> int:
             weights.refresh()
             continue
         worker.waiting.done()
-        assert memory.blob is not None  # activate() said so
-        episode = driver.play(assignment, chooser(config, assignment, memory.blob.scale))
+        assert memory.weights is not None  # activate() said so
+        episode = driver.play(assignment, chooser(config, assignment, memory.weights.scale))
         if episode is not None:
             learner.deliver(episode)
     return EXIT_FINISHED

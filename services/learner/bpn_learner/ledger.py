@@ -156,6 +156,9 @@ def why_invalid(episode: Episode, config: RunConfig) -> str | None:
         return f"an iteration has episodes 0..{config.episodes - 1}"
     if meta.seed != episode_seed(config.seed, meta.iteration, meta.episode):
         return f"seed {meta.seed} is another run's"
+    outputs = "int32" if config.algorithm_spec.network == "binary" else "float32"
+    if episode.outputs.dtype.name != outputs:
+        return f"outputs are {episode.outputs.dtype.name}, {config.algorithm} has {outputs}"
     if episode.steps > config.steps or (episode.steps < config.steps and not meta.failed):
         return f"{episode.steps} steps, an episode of this run has {config.steps}"
     return None

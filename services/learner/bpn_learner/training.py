@@ -10,9 +10,9 @@ import numpy as np
 import torch
 
 from bpn_learner.checkpoint import load_checkpoint, save_checkpoint
-from bpn_learner.fold import fold
+from bpn_learner.export import export
 from bpn_learner.ledger import EpisodeLedger, load_episodes
-from bpn_learner.networks import BinaryNetwork
+from bpn_learner.networks import make_network
 from bpn_learner.reward import rewards
 from bpn_learner.transitions import EpisodeData, Transitions
 from bpn_learner.update import (
@@ -22,12 +22,12 @@ from bpn_learner.update import (
     make_optimizer,
     policy_update,
 )
-from bpn_shared.bnn.blob import WeightBlob
 from bpn_shared.config import ConfigError, RunConfig
 from bpn_shared.messages.episode import Episode
 from bpn_shared.run_folder import RunFolder, write_atomically
 from bpn_shared.seeds import initial_weights_seed, shuffle_generator
 from bpn_shared.service import Waiting
+from bpn_shared.weights import Weights
 
 log = logging.getLogger(__name__)
 
@@ -52,7 +52,7 @@ class Training:
         ledger: EpisodeLedger,
         *,
         attempt: int,
-        publish: Callable[[WeightBlob], None],
+        publish: Callable[[Weights], None],
         report: Report,
         waiting: Waiting,
         stop: threading.Event,
@@ -61,7 +61,8 @@ class Training:
         self._config, self._folder, self._ledger = config, folder, ledger
         self._attempt, self._publish, self._report = attempt, publish, report
         self._waiting, self._stop = waiting, stop
-        self._network = BinaryNetwork(
+        self._network = make_network(
+            config.algorithm_spec.network,
             config.network,
             scale_initial=config.scale_initial,
             generator=torch.Generator().manual_seed(initial_weights_seed(config.seed)),
@@ -93,9 +94,9 @@ class Training:
                 update = self._update(iteration)
             except UpdateStopped:
                 return False
-            blob = self._release(iteration + 1)
+            weights = self._release(iteration + 1)
             seconds = {"collect_s": collect_s, "iteration_s": time.monotonic() - start_s}
-            record = self._record(iteration, episodes, update, blob) | seconds
+            record = self._record(iteration, episodes, update, weights) | seconds
             self._folder.append_metrics(record)
             # Last: a crash before this line repeats the iteration, to the same result.
             save_checkpoint(
@@ -115,12 +116,14 @@ class Training:
         log.info("resumes after %d of %d iterations", done, self._config.iterations)
         return done
 
-    def _release(self, version: int) -> WeightBlob:
-        """Folds the network, keeps the blob in the run folder and sends it out."""
-        blob = fold(self._network, run=self._folder.run, attempt=self._attempt, version=version)
-        write_atomically(self._folder.weights_path(version), blob.encode())
-        self._publish(blob)
-        return blob
+    def _release(self, version: int) -> Weights:
+        """Exports the network, keeps the policy in the run folder and sends it out."""
+        weights = export(
+            self._network, run=self._folder.run, attempt=self._attempt, version=version
+        )
+        write_atomically(self._folder.weights_path(version), weights.encode())
+        self._publish(weights)
+        return weights
 
     def _collect(self, iteration: int) -> list[Episode] | None:
         self._waiting.set(f"{self._config.episodes} episodes of iteration {iteration}")
@@ -150,7 +153,7 @@ class Training:
             gamma=config.gamma,
             epochs=config.epochs,
             batch=config.batch,
-            target="cvi" if config.algorithm == "bpn" else "dqn",
+            target=config.algorithm_spec.update,
             mask_terminals=config.mask_terminals,
             learning_rate_share=config.learning_rate_share(iteration),
             learning_rate_final=config.learning_rate_final,
@@ -175,7 +178,7 @@ class Training:
         )
 
     def _record(
-        self, iteration: int, episodes: list[Episode], update: UpdateReport, blob: WeightBlob
+        self, iteration: int, episodes: list[Episode], update: UpdateReport, weights: Weights
     ) -> dict[str, float | int | str | list[float]]:
         """The iteration's line in the run folder; docs/metrics.md explains every value."""
         scale = self._config.reward_scale
@@ -201,8 +204,8 @@ class Training:
             "epsilon": self._config.epsilon(iteration),
             "updates": update.updates,
             "update_s": update.seconds,
-            "weights_version": blob.version,
-            "weights_sha256": blob.content_sha256(),
+            "weights_version": weights.version,
+            "weights_sha256": weights.content_sha256(),
         }
 
 

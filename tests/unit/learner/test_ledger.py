@@ -21,7 +21,9 @@ CONFIG = RunConfig.for_task("reaching", seed=3, episodes=4, steps=2)
 TASK = CONFIG.task_spec
 
 
-def played(iteration: int, episode: int, steps: int = 2, **changes: Any) -> bytes:
+def played(
+    iteration: int, episode: int, steps: int = 2, outputs: type = np.int32, **changes: Any
+) -> bytes:
     meta = EpisodeMeta(
         iteration=iteration, episode=episode, seed=episode_seed(CONFIG.seed, iteration, episode),
         slot=0, worker="edge-0", weights_attempt=1, weights_version=iteration, failed=False,
@@ -31,7 +33,8 @@ def played(iteration: int, episode: int, steps: int = 2, **changes: Any) -> byte
         meta=meta,
         frames=np.zeros((steps + 1, *TASK.frame_shape), np.uint8),
         actions=np.zeros(steps, np.uint8),
-        outputs=np.zeros((steps, TASK.actions), np.int32),
+        rewards=np.full(steps, np.nan),
+        outputs=np.zeros((steps, TASK.actions), outputs),
         inference_ns=np.zeros(steps, np.uint32),
         camera_to_action_ns=np.zeros(steps, np.uint32),
     ).encode()
@@ -110,6 +113,7 @@ def test_any_order_of_deliveries_gives_the_same_data(
         (played(0, 0, seed=1), "seed 1 is another run's"),
         (played(0, 0, steps=1), "1 steps, an episode of this run has 2"),
         (played(0, 0, steps=3), "3 steps"),
+        (played(0, 0, outputs=np.float32), "outputs are float32, bpn has int32"),
     ],
 )
 def test_an_episode_that_is_no_data_is_refused_with_its_reason(

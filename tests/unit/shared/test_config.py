@@ -4,6 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from bpn_shared.algorithms import AlgorithmName
 from bpn_shared.config import PRESETS, ConfigError, RunConfig
 from bpn_shared.tasks import TASKS, Task
 
@@ -57,6 +58,16 @@ def test_every_task_has_a_preset_and_observations_of_its_network(task: Task) -> 
         ({"nodes": "many"}, "nodes = 'many': Input should be a valid integer"),
         ({"pacing": "slow"}, "pacing = 'slow': Input should be 'lockstep' or 'realtime'"),
         ({"task": "flying"}, "task = 'flying': task = 'flying' is unknown; one of: reaching"),
+        ({"algorithm": "sarsa"}, "algorithm = 'sarsa': Input should be 'bpn', 'bqn'"),
+        (
+            {"algorithm": "dpp", "alpha": 0.9},
+            "alpha = 0.9: dpp is CVI with alpha = 1; leave alpha out",
+        ),
+        (
+            {"algorithm": "cvi", "kernel": "native"},
+            "kernel = 'native' does not run the network of 'cvi'",
+        ),
+        ({"kernel": "onnx"}, "does not run the network of 'bpn', which is binary; one of: native"),
         ({"alhpa": 0.5}, "alhpa = 0.5: unknown; one of: task, algorithm"),
     ],
 )
@@ -79,10 +90,34 @@ def test_json_gives_the_same_configuration(iteration: int, seed: int) -> None:
     assert config.epsilon_final <= config.epsilon(iteration) <= config.epsilon_initial
 
 
-def test_only_dqn_explores_with_epsilon() -> None:
-    assert RunConfig(algorithm="bpn").epsilon(0) == 0
-    bqn = RunConfig(algorithm="bqn", iterations=50)
-    assert [bqn.epsilon(i) for i in (0, 25, 49)] == pytest.approx([1.0, 0.05, 0.05])
+@pytest.mark.parametrize(
+    ("name", "network", "update"),
+    [
+        ("bpn", "binary", "cvi"),
+        ("bqn", "binary", "dqn"),
+        ("cvi", "float", "cvi"),
+        ("dqn", "float", "dqn"),
+        ("dpp", "float", "cvi"),
+    ],
+)
+def test_an_algorithm_is_a_network_and_an_update(
+    name: AlgorithmName, network: str, update: str
+) -> None:
+    for config in (RunConfig(algorithm=name), RunConfig.for_task("pan_tilt", algorithm=name)):
+        assert (config.algorithm_spec.network, config.algorithm_spec.update) == (network, update)
+        assert config.kernel == {"binary": "native", "float": "onnx"}[network]
+        assert config.alpha == (1.0 if name == "dpp" else 0.95)
+        assert RunConfig.from_json(config.model_dump_json().encode(), source="x") == config
+
+
+@pytest.mark.parametrize(
+    ("name", "explores"),
+    [("bpn", False), ("bqn", True), ("cvi", False), ("dqn", True), ("dpp", False)],
+)
+def test_only_dqn_explores_with_epsilon(name: AlgorithmName, explores: bool) -> None:
+    config = RunConfig(algorithm=name, iterations=50)
+    expected = [1.0, 0.05, 0.05] if explores else [0, 0, 0]
+    assert [config.epsilon(i) for i in (0, 25, 49)] == pytest.approx(expected)
 
 
 @given(st.integers(1, 200), st.floats(0, 1))

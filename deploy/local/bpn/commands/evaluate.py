@@ -13,10 +13,10 @@ from bpn import optional
 from bpn.evaluation.outcome import outcome, summarize
 from bpn.evaluation.trials import PlayedPolicy, Trials, play
 from bpn.options import add_runs_dir
-from bpn_shared.bnn.blob import WeightBlob
 from bpn_shared.config import ConfigError, Kernel, Pacing, RunConfig
 from bpn_shared.run_folder import RunFolder
 from bpn_shared.service import stop_on_signals
+from bpn_shared.weights import Weights, decode_weights
 
 
 def add(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
@@ -53,13 +53,13 @@ def run(options: argparse.Namespace) -> int:
     """Plays the trials; exit status 130 if interrupted."""
     folder = RunFolder.open(options.runs_dir, options.run_id)
     trials = _trials(options, folder.config())
-    config, blob = trials.config(folder.config()), _weights(folder, options.version)
+    config, weights = trials.config(folder.config()), _weights(folder, options.version)
     video, plot = _media(options.video, options.plot)
     stop = stop_on_signals()
     with _progress(trials.count) as progress:
         task_id = progress.task_ids[0]
         episodes = play(
-            folder, blob, trials, stop, lambda over: progress.update(task_id, completed=over)
+            folder, weights, trials, stop, lambda over: progress.update(task_id, completed=over)
         )
     if stop.is_set():
         return 130
@@ -67,7 +67,7 @@ def run(options: argparse.Namespace) -> int:
         "run_id": str(folder.run),
         "task": config.task,
         "algorithm": config.algorithm,
-        "weights_version": blob.version,
+        "weights_version": weights.version,
         "policy": trials.policy,
         "seed": trials.seed,
         "pacing": config.pacing,
@@ -98,7 +98,7 @@ def _trials(options: argparse.Namespace, trained: RunConfig) -> Trials:
     return Trials(options.trials, options.policy, seed, changes)
 
 
-def _weights(folder: RunFolder, version: int | None) -> WeightBlob:
+def _weights(folder: RunFolder, version: int | None) -> Weights:
     if version is None:
         return folder.newest_weights()
     path = folder.weights_path(version)
@@ -106,7 +106,7 @@ def _weights(folder: RunFolder, version: int | None) -> WeightBlob:
         raise ConfigError(
             f"--version {version}: not in {path.parent}, the newest is {folder.newest_weights().version}"
         )
-    return WeightBlob.decode(path.read_bytes())
+    return decode_weights(path.read_bytes())
 
 
 def _media(video_path: Path | None, plot_path: Path | None) -> tuple[Any, Any]:

@@ -4,7 +4,6 @@ import threading
 from uuid import UUID
 
 from bpn_shared import keys
-from bpn_shared.bnn.blob import WeightBlob
 from bpn_shared.bus.requests import Responder
 from bpn_shared.bus.session import Bus
 from bpn_shared.bus.weights import WeightsPublisher
@@ -13,6 +12,7 @@ from bpn_shared.messages.control import Assignment, EpisodeReceipt, NextEpisode
 from bpn_shared.messages.episode import Episode
 from bpn_shared.seeds import episode_seed
 from bpn_shared.service import Counters
+from bpn_shared.weights import Weights
 
 EVALUATION = 2**31
 """Stands where training has the iteration, so that no trial is an episode of the training."""
@@ -29,7 +29,7 @@ class TrialHost:
 
     Args:
         config: what the workers are told.
-        blob: the only weights that are played.
+        weights: the only weights that are played.
         count: trials.
         policy: "greedy", "softmax" or "random".
 
@@ -38,9 +38,9 @@ class TrialHost:
     """
 
     def __init__(
-        self, bus: Bus, run: UUID, config: RunConfig, blob: WeightBlob, *, count: int, policy: str
+        self, bus: Bus, run: UUID, config: RunConfig, weights: Weights, *, count: int, policy: str
     ) -> None:
-        self._config, self._blob, self._count = config, blob, count
+        self._config, self._playing, self._count = config, weights, count
         self._policy, self._epsilon = _POLICIES[policy]
         self._lock = threading.Lock()
         self._episodes: dict[int, Episode] = {}
@@ -48,7 +48,7 @@ class TrialHost:
         self.over = threading.Event()
         counters = Counters()
         self._weights = WeightsPublisher(bus, run)
-        self._weights.publish(blob)
+        self._weights.publish(weights)
         self._responders = [
             Responder(bus, keys.config(run), self._tell_config, counters),
             Responder(bus, keys.next_episode(run), self._hand_out, counters),
@@ -86,8 +86,8 @@ class TrialHost:
             iteration=EVALUATION,
             episode=trial,
             seed=episode_seed(self._config.seed, EVALUATION, trial),
-            weights_attempt=self._blob.attempt,
-            weights_version=self._blob.version,
+            weights_attempt=self._playing.attempt,
+            weights_version=self._playing.version,
             policy=self._policy,
             epsilon=self._epsilon,
         ).encode()

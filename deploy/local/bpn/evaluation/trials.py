@@ -12,11 +12,11 @@ from typing import Any, Literal
 from bpn.evaluation.host import TrialHost
 from bpn.local_run import RunFailedError, private_endpoint
 from bpn.supervisor import Supervisor, router_and_slots
-from bpn_shared.bnn.blob import WeightBlob
 from bpn_shared.bus.session import Bus, BusError
 from bpn_shared.config import RunConfig
 from bpn_shared.messages.episode import Episode
 from bpn_shared.run_folder import RunFolder
+from bpn_shared.weights import Weights
 
 PlayedPolicy = Literal["greedy", "softmax", "random"]
 OnProgress = Callable[[int], None]
@@ -54,7 +54,7 @@ class Trials:
 
 def play(
     folder: RunFolder,
-    blob: WeightBlob,
+    weights: Weights,
     trials: Trials,
     stop: threading.Event,
     on_progress: OnProgress = lambda _: None,
@@ -62,7 +62,7 @@ def play(
     """Plays all trials.
 
     Args:
-        blob: weights of that run.
+        weights: weights of that run.
 
     Returns:
         The episodes in order of their trials; fewer if `stop` was set.
@@ -80,7 +80,7 @@ def play(
         supervisor.start()
         with Bus(endpoint, stop=stop) as bus:
             host = TrialHost(
-                bus, folder.run, config, blob, count=trials.count, policy=trials.policy
+                bus, folder.run, config, weights, count=trials.count, policy=trials.policy
             )
             _wait(host, supervisor, stop, on_progress)
             episodes = host.episodes()

@@ -43,9 +43,7 @@ def plan(task: str, scope: Scope) -> list[RunConfig]:
                 sizes: list[dict[str, Any]] = [{"nodes": nodes} for nodes in NODES.values()]
             else:
                 sizes = [{}]
-            runs += [
-                scope.config(task, algorithm=algorithm, seed=seed, **size) for size in sizes
-            ]
+            runs += [scope.config(task, algorithm=algorithm, seed=seed, **size) for size in sizes]
     return runs
 
 
@@ -110,7 +108,9 @@ def draw(document: Document) -> Figure:
 def table(document: Document) -> str:
     """What each algorithm returned over its last iterations, beside the references."""
     groups = group(document["runs"], "algorithm", "nodes")
-    best = max((_end(seeds)[0] for (name, _), seeds in groups.items() if name == "cvi"), default=None)
+    best = max(
+        (_end(seeds)[0] for (name, _), seeds in groups.items() if name == "cvi"), default=None
+    )
     rows = []
     for (algorithm, nodes), seeds in groups.items():
         mean, std, middle, share, length = _end(seeds)
@@ -123,8 +123,12 @@ def table(document: Document) -> str:
             ]
         )  # fmt: skip
     for line in document["result"]["references"]:
-        share, length = f"{100 * line['full_length_share']:.1f} %", line.get("length", "")
-        rows.append([line["name"], "", "", f"{line['return_px']:.1f}", "", share, length, "", ""])
+        rows.append(
+            [
+                line["name"], "", "", f"{line['return_px']:.1f}", "",
+                f"{100 * line['full_length_share']:.1f} %", line.get("length", ""), "", "",
+            ]
+        )  # fmt: skip
     last = min(LAST, *(len(run["returns_px"]) for run in document["runs"]))
     heading = [
         "", "N", "seeds", f"return, last {last} (px)", "interquartile mean", "full length",
