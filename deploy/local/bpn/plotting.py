@@ -15,11 +15,11 @@ _DPI = 130
 
 def new_figure(
     rows: int, columns: int, width_in: float, height_in: float
-) -> tuple[Figure, npt.NDArray[np.object_]]:
-    """A figure and its axes [rows, columns]."""
+) -> tuple[Figure, list[list[Axes]]]:
+    """A figure and its axes, one list a row."""
     figure = Figure(figsize=(width_in, height_in), layout="constrained")
-    axes: npt.NDArray[np.object_] = figure.subplots(rows, columns, squeeze=False)
-    for one in axes.flat:
+    axes: list[list[Axes]] = figure.subplots(rows, columns, squeeze=False).tolist()
+    for one in (one for row in axes for one in row):
         one.spines[["top", "right"]].set_visible(False)
         one.grid(alpha=0.25, linewidth=0.6)
     return figure, axes

@@ -40,7 +40,7 @@ class TrialHost:
     def __init__(
         self, bus: Bus, run: UUID, config: RunConfig, weights: Weights, *, count: int, policy: str
     ) -> None:
-        self._config, self._played, self._count = config, weights, count
+        self._config, self._playing, self._count = config, weights, count
         self._policy, self._epsilon = _POLICIES[policy]
         self._lock = threading.Lock()
         self._episodes: dict[int, Episode] = {}
@@ -54,6 +54,11 @@ class TrialHost:
             Responder(bus, keys.next_episode(run), self._hand_out, counters),
             Responder(bus, keys.episode(run), self._receive, counters),
         ]
+
+    @property
+    def trial_s(self) -> float:
+        """How long a trial takes in realtime pacing, at most."""
+        return self._config.steps * self._config.task_spec.control_period_s
 
     @property
     def played(self) -> int:
@@ -81,8 +86,8 @@ class TrialHost:
             iteration=EVALUATION,
             episode=trial,
             seed=episode_seed(self._config.seed, EVALUATION, trial),
-            weights_attempt=self._played.attempt,
-            weights_version=self._played.version,
+            weights_attempt=self._playing.attempt,
+            weights_version=self._playing.version,
             policy=self._policy,
             epsilon=self._epsilon,
         ).encode()

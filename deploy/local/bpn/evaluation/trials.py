@@ -8,7 +8,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
-from uuid import UUID
 
 from bpn.evaluation.host import TrialHost
 from bpn.local_run import RunFailedError, private_endpoint
@@ -20,6 +19,8 @@ from bpn_shared.run_folder import RunFolder
 from bpn_shared.weights import Weights
 
 PlayedPolicy = Literal["greedy", "softmax", "random"]
+OnProgress = Callable[[int], None]
+"""Is told how many trials are over."""
 
 _START_S, _LOOK_S = 60.0, 0.05
 
@@ -56,13 +57,12 @@ def play(
     weights: Weights,
     trials: Trials,
     stop: threading.Event,
-    on_progress: Callable[[int], None] = lambda _: None,
+    on_progress: OnProgress = lambda _: None,
 ) -> list[Episode]:
     """Plays all trials.
 
     Args:
         weights: weights of that run.
-        on_progress: told how many trials are over.
 
     Returns:
         The episodes in order of their trials; fewer if `stop` was set.
@@ -72,45 +72,44 @@ def play(
         RunFailedError: a service failed for good, or no trial ends; their logs are kept.
     """
     config = trials.config(folder.config())
-    logs = Path(tempfile.mkdtemp(prefix="bpn-eval-"))
+    endpoint, logs = private_endpoint(), Path(tempfile.mkdtemp(prefix="bpn-eval-"))
+    robots = min(config.robots, trials.count)
+    supervisor = Supervisor(router_and_slots(folder.run, robots, endpoint), logs)
+    episodes: list[Episode] = []
     try:
-        episodes = _play(folder.run, config, weights, trials, stop, on_progress, logs)
-    except BusError as error:
+        supervisor.start()
+        with Bus(endpoint, stop=stop) as bus:
+            host = TrialHost(
+                bus, folder.run, config, weights, count=trials.count, policy=trials.policy
+            )
+            _wait(host, supervisor, stop, on_progress)
+            episodes = host.episodes()
+    except (BusError, TrialsFailedError) as error:
         if not stop.is_set():
-            raise RunFailedError(f"{error}; see {logs}") from error
-        episodes = []
+            raise RunFailedError(f"{error}; what the services said is in {logs}") from error
+    finally:
+        supervisor.stop()
     shutil.rmtree(logs)
     return episodes
 
 
-def _play(
-    run: UUID,
-    config: RunConfig,
-    weights: Weights,
-    trials: Trials,
-    stop: threading.Event,
-    on_progress: Callable[[int], None],
-    logs: Path,
-) -> list[Episode]:
-    endpoint = private_endpoint()
-    robots = min(config.robots, trials.count)
-    supervisor = Supervisor(router_and_slots(run, robots, endpoint), logs)
-    patience_s = _START_S + 2 * config.steps * config.task_spec.control_period_s
-    try:
-        supervisor.start()
-        with Bus(endpoint, stop=stop) as bus:
-            host = TrialHost(bus, run, config, weights, count=trials.count, policy=trials.policy)
-            over, deadline_s = -1, 0.0
-            while not host.over.wait(_LOOK_S) and not stop.is_set():
-                supervisor.check()
-                if supervisor.failure:
-                    raise RunFailedError(f"{supervisor.failure} in {logs}")
-                if host.played > over:
-                    over, deadline_s = host.played, time.monotonic() + patience_s
-                    on_progress(over)
-                if time.monotonic() > deadline_s:
-                    raise RunFailedError(f"no trial ended within {patience_s:.0f} s; see {logs}")
-            on_progress(host.played)
-            return host.episodes()
-    finally:
-        supervisor.stop()
+class TrialsFailedError(RuntimeError):
+    """The trials cannot be played to their end."""
+
+
+def _wait(
+    host: TrialHost, supervisor: Supervisor, stop: threading.Event, on_progress: OnProgress
+) -> None:
+    """Until all trials are over or `stop` is set."""
+    patience_s = _START_S + 2 * host.trial_s
+    told, deadline_s = -1, 0.0
+    while not (host.over.wait(_LOOK_S) or stop.is_set()):
+        supervisor.check()
+        if supervisor.failure:
+            raise TrialsFailedError(supervisor.failure)
+        if host.played > told:
+            told, deadline_s = host.played, time.monotonic() + patience_s
+            on_progress(told)
+        if time.monotonic() > deadline_s:
+            raise TrialsFailedError(f"no trial ended within {patience_s:.0f} s")
+    on_progress(host.played)

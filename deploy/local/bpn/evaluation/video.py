@@ -1,6 +1,7 @@
 """A film of trials: what the camera sees, beside the preferences of every action."""
 
 from collections.abc import Iterator, Sequence
+from itertools import pairwise
 from pathlib import Path
 
 import imageio.v3 as imageio
@@ -55,7 +56,7 @@ def _bars(outputs: npt.NDArray[np.generic], applied: int, height_px: int) -> Pic
     span = max(float(np.ptp(values)), 1e-9)
     room_px = _BARS_WIDTH_PX - 2 * _GAP_PX
     edges = np.linspace(_GAP_PX, height_px - _GAP_PX, len(values) + 1).astype(int)
-    for action, (top, bottom) in enumerate(zip(edges, edges[1:], strict=False)):
+    for action, (top, bottom) in enumerate(pairwise(edges)):
         length_px = 2 + round((room_px - 2) * float(values[action] - values.min()) / span)
         colour = _CHOSEN if action == applied else _BAR
         panel[top + 1 : bottom - 1, _GAP_PX : _GAP_PX + length_px] = colour
