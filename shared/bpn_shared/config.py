@@ -36,6 +36,14 @@ class RunConfig(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid")
 
     task: Annotated[str, Field(description="what the robot learns")] = "reaching"
+    algorithm: Annotated[
+        AlgorithmName,
+        Field(
+            description="binary network: bpn (CVI), bqn (DQN); float network: cvi, dqn, dpp (CVI, alpha = 1)"
+        ),
+    ] = "bpn"
+    seed: Annotated[int, Field(ge=0, lt=2**63, description="seed of everything random")] = 0
+
     frame_channels: Annotated[
         int, Field(ge=0, le=3, description="gym tasks: 1 gray, 3 RGB; 0: as the task has it")
     ] = 0
@@ -48,13 +56,6 @@ class RunConfig(BaseModel):
     actions: Annotated[
         int, Field(ge=0, le=MAX_ACTIONS, description="gym tasks: |A|; 0: found out by `bpn train`")
     ] = 0
-    algorithm: Annotated[
-        AlgorithmName,
-        Field(
-            description="binary network: bpn (CVI), bqn (DQN); float network: cvi, dqn, dpp (CVI, alpha = 1)"
-        ),
-    ] = "bpn"
-    seed: Annotated[int, Field(ge=0, lt=2**63, description="seed of everything random")] = 0
 
     iterations: Annotated[int, Field(ge=1, le=100_000, description="I, policy updates")] = 50
     episodes: Annotated[int, Field(ge=1, le=10_000, description="E, episodes an iteration")] = 10
