@@ -2,14 +2,7 @@
 
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import (
-    BaseModel,
-    ConfigDict,
-    Field,
-    ValidationError,
-    field_validator,
-    model_validator,
-)
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 
 from bpn_shared.algorithms import ALGORITHMS, KERNELS, Algorithm, AlgorithmName, implied
 from bpn_shared.bnn.spec import MAX_ACTIONS, MAX_CHANNELS, MAX_NODES, NetworkSpec
@@ -69,6 +62,9 @@ class RunConfig(BaseModel):
     gamma: Annotated[float, Field(ge=0, lt=1, description="discount factor")] = 0.99
     mask_terminals: Annotated[
         bool, Field(description="no bootstrap from failures (Algorithm 1 as printed: bootstrap)")
+    ] = False
+    relative_targets: Annotated[
+        bool, Field(description="subtract the targets' mean over D (Algorithm 1 as printed: no)")
     ] = False
     epsilon_initial: Annotated[
         float, Field(ge=0, le=1, description="bqn, dqn: share of random actions in iteration 0")
@@ -178,6 +174,15 @@ class RunConfig(BaseModel):
     @property
     def algorithm_spec(self) -> Algorithm:
         return ALGORITHMS[self.algorithm]
+
+    @model_validator(mode="after")
+    def _relative_targets_bootstrap(self) -> Self:
+        if self.relative_targets and self.mask_terminals:
+            raise ValueError(
+                "relative_targets = True with mask_terminals = True: a terminal's value of 0 has no "
+                "meaning among values relative to their mean; switch one of them off"
+            )
+        return self
 
     @property
     def task_spec(self) -> Task:

@@ -155,6 +155,7 @@ class Training:
             batch=config.batch,
             target=config.algorithm_spec.update,
             mask_terminals=config.mask_terminals,
+            relative_targets=config.relative_targets,
             learning_rate_share=config.learning_rate_share(iteration),
             learning_rate_final=config.learning_rate_final,
             engine=config.engine,
