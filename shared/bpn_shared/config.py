@@ -97,6 +97,10 @@ class RunConfig(BaseModel):
         Device, Field(description="where torch computes; weights are bit-reproducible on cpu alone")
     ] = "cpu"
 
+    tensorboard: Annotated[
+        bool, Field(description="also write TensorBoard event files into the run folder")
+    ] = False
+
     robots: Annotated[int, Field(ge=1, le=64, description="slots: robots, each with its edge")] = 1
     pacing: Annotated[
         Pacing, Field(description="lockstep: the robot waits for the action; realtime: it does not")
@@ -171,10 +175,6 @@ class RunConfig(BaseModel):
             )
         return self
 
-    @property
-    def algorithm_spec(self) -> Algorithm:
-        return ALGORITHMS[self.algorithm]
-
     @model_validator(mode="after")
     def _relative_targets_bootstrap(self) -> Self:
         if self.relative_targets and self.mask_terminals:
@@ -183,6 +183,10 @@ class RunConfig(BaseModel):
                 "meaning among values relative to their mean; switch one of them off"
             )
         return self
+
+    @property
+    def algorithm_spec(self) -> Algorithm:
+        return ALGORITHMS[self.algorithm]
 
     @property
     def task_spec(self) -> Task:
