@@ -46,6 +46,10 @@ class RunConfig(BaseModel):
             ge=0, le=MAX_CHANNELS, description="gym tasks: frames in an observation; 0: as the task"
         ),
     ] = 0
+    frame_skip: Annotated[
+        int,
+        Field(ge=0, le=100, description="gym tasks: steps that an action takes; 0: as the task"),
+    ] = 0
     actions: Annotated[
         int, Field(ge=0, le=MAX_ACTIONS, description="gym tasks: |A|; 0: found out by `bpn train`")
     ] = 0
@@ -195,6 +199,7 @@ class RunConfig(BaseModel):
                 self.task,
                 frame_channels=self.frame_channels,
                 frames_stacked=self.frames_stacked,
+                frame_skip=self.frame_skip,
                 actions=self.actions,
             )
         return TASKS[self.task]
@@ -287,13 +292,13 @@ def preset_of(task: str) -> dict[str, Any]:
     return (_GYM_PRESET if is_gym(task) else {}) | PRESETS.get(task, {})
 
 
-_TASK_FIELDS = ("frame_channels", "frames_stacked", "actions")
+_TASK_FIELDS = ("frame_channels", "frames_stacked", "frame_skip", "actions")
 
 
 def _of_task(task: str) -> dict[str, int]:
     """What follows from the task; of a Gymnasium environment, gray frames in pairs, which show motion."""
     if is_gym(task):
-        return {"frame_channels": 1, "frames_stacked": 2}
+        return {"frame_channels": 1, "frames_stacked": 2, "frame_skip": 1}
     known = TASKS.get(task)
     return {} if known is None else {name: getattr(known, name) for name in _TASK_FIELDS}
 

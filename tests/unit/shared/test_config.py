@@ -38,7 +38,12 @@ def test_the_reaching_preset_is_table_one() -> None:
 )
 def test_the_other_presets_are_table_one_but_for(task: str, differences: dict[str, Any]) -> None:
     reaching = RunConfig.for_task("reaching").model_dump()
-    of_task = {"frame_channels": 3, "frames_stacked": 2, "actions": TASKS[task].actions}
+    of_task = {
+        "frame_channels": 3,
+        "frames_stacked": 2,
+        "frame_skip": 1,
+        "actions": TASKS[task].actions,
+    }
     expected = reaching | {"task": task} | of_task | differences
     assert RunConfig.for_task(task).model_dump() == expected
 
