@@ -155,7 +155,13 @@ class RunConfig(BaseModel):
 
 PRESETS: dict[str, dict[str, Any]] = {
     # Table I; what it leaves open (optimizer, scales) was found by experiment, see docs/algorithms.
-    "reaching": {"steps": 20, "nodes": 256, "reward_scale": 0.05},
+    "reaching": {
+        "steps": 20,
+        "nodes": 256,
+        "reward_scale": 0.1,
+        "relative_targets": True,
+        "learning_rate_last": 0.05,
+    },
     "tracking": {
         "steps": 40,
         "nodes": 256,
