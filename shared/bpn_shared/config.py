@@ -176,7 +176,9 @@ PRESETS: dict[str, dict[str, Any]] = {
         "beta": 3.0,
         "iterations": 150,
         "steps": 80,
-        "reward_scale": 0.2,
+        "reward_scale": 0.1,
+        "relative_targets": True,
+        "learning_rate_last": 0.05,
     },
 }
 
