@@ -265,8 +265,20 @@ class RunConfig(BaseModel):
 
 PRESETS: dict[str, dict[str, Any]] = {
     # Table I; what it leaves open (optimizer, scales) was found by experiment, see docs/algorithms.
-    "reaching": {"steps": 20, "nodes": 256, "reward_scale": 0.05},
-    "tracking": {"steps": 40, "reward_scale": 0.2},
+    "reaching": {
+        "steps": 20,
+        "nodes": 256,
+        "reward_scale": 0.1,
+        "relative_targets": True,
+        "learning_rate_last": 0.05,
+    },
+    "tracking": {
+        "steps": 40,
+        "nodes": 256,
+        "reward_scale": 0.2,
+        "relative_targets": True,
+        "learning_rate_last": 0.05,
+    },
     # Section VI-B.
     "pan_tilt": {
         "nodes": 100,
@@ -274,7 +286,9 @@ PRESETS: dict[str, dict[str, Any]] = {
         "beta": 3.0,
         "iterations": 150,
         "steps": 80,
-        "reward_scale": 0.2,
+        "reward_scale": 0.1,
+        "relative_targets": True,
+        "learning_rate_last": 0.05,
     },
 }
 
