@@ -1,5 +1,6 @@
 """Any Gymnasium environment with discrete actions and something to see, as a robot."""
 
+import os
 from typing import Any
 
 import gymnasium
@@ -17,6 +18,10 @@ from bpn_shared.tasks import GYM_PREFIX, Task
 Picture = npt.NDArray[np.uint8]
 
 _SEEDS = 2**31  # some environments take no larger ones
+
+# pygame, which Gymnasium's own environments draw with, looks for a display and for speakers otherwise.
+os.environ.setdefault("SDL_VIDEODRIVER", "dummy")
+os.environ.setdefault("SDL_AUDIODRIVER", "dummy")
 
 
 class GymRobot:
