@@ -51,5 +51,5 @@ $(INSTALLED): constraints.txt pyproject.toml $(PACKAGES:%=%/pyproject.toml) \
 	$(PYTHON) -m venv $(VENV)
 	$(PIP_INSTALL) pip
 	$(PIP_INSTALL) --group build
-	$(PIP_INSTALL) --group dev --no-build-isolation $(PACKAGES:%=-e %) -e 'deploy/local[bench]'
+	$(PIP_INSTALL) --group dev --no-build-isolation $(PACKAGES:%=-e %) -e 'deploy/local[bench,media]'
 	touch $@

@@ -82,7 +82,9 @@ def _map(axes: Axes, found: list[dict[str, Any]], name: str, form: str) -> None:
     for cell in found:
         values[alphas.index(cell["alpha"]), sizes.index(cell["nodes"])] = cell[name]["mean"]
     image = axes.imshow(values, cmap="cividis", origin="lower", aspect="auto")
-    middle = (np.nanmin(values) + np.nanmax(values)) / 2
+    if name == "full_length_share":
+        image.set_clim(0, 1)
+    middle = np.mean(image.get_clim())
     for cell in found:
         x, y = sizes.index(cell["nodes"]), alphas.index(cell["alpha"])
         ink = "black" if values[y, x] > middle else "white"
