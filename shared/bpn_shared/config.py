@@ -12,8 +12,8 @@ from pydantic import (
 )
 
 from bpn_shared.algorithms import ALGORITHMS, KERNELS, Algorithm, AlgorithmName, implied
-from bpn_shared.bnn.spec import MAX_NODES, NetworkSpec
-from bpn_shared.tasks import Task, task_named
+from bpn_shared.bnn.spec import MAX_ACTIONS, MAX_CHANNELS, MAX_NODES, NetworkSpec
+from bpn_shared.tasks import TASKS, Task, check_task_name, gym_task, is_gym
 
 Pacing = Literal["lockstep", "realtime"]
 Kernel = Literal["native", "golden", "onnx"]
@@ -36,6 +36,18 @@ class RunConfig(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid")
 
     task: Annotated[str, Field(description="what the robot learns")] = "reaching"
+    frame_channels: Annotated[
+        int, Field(ge=0, le=3, description="gym tasks: 1 gray, 3 RGB; 0: as the task has it")
+    ] = 0
+    frames_stacked: Annotated[
+        int,
+        Field(
+            ge=0, le=MAX_CHANNELS, description="gym tasks: frames in an observation; 0: as the task"
+        ),
+    ] = 0
+    actions: Annotated[
+        int, Field(ge=0, le=MAX_ACTIONS, description="gym tasks: |A|; 0: found out by `bpn train`")
+    ] = 0
     algorithm: Annotated[
         AlgorithmName,
         Field(
@@ -108,15 +120,36 @@ class RunConfig(BaseModel):
     @model_validator(mode="before")
     @classmethod
     def _fill_implied(cls, values: Any) -> Any:
-        """What the algorithm implies stands in for what was not given."""
-        return (
-            implied(str(values.get("algorithm"))) | values if isinstance(values, dict) else values
-        )
+        """What task and algorithm imply stands in for what was not given."""
+        if not isinstance(values, dict):
+            return values
+        given = {
+            name: v for name, v in values.items() if not (name in _TASK_FIELDS and v in (0, "0"))
+        }
+        of_task = _of_task(str(given.get("task", "reaching")))
+        return of_task | implied(str(given.get("algorithm"))) | given
 
     @field_validator("task")
     @classmethod
-    def _known_task(cls, name: str) -> str:
-        return task_named(name).name
+    def _possible_task(cls, name: str) -> str:
+        check_task_name(name)
+        return name
+
+    @model_validator(mode="after")
+    def _fits_task(self) -> Self:
+        if is_gym(self.task):
+            if self.pacing == "realtime":
+                raise ValueError(
+                    f"pacing = 'realtime': {self.task!r} has no clock of its own; choose lockstep"
+                )
+            self.task_spec  # noqa: B018 - raises for values that no task can have
+            return self
+        for name, value in _of_task(self.task).items():
+            if getattr(self, name) != value:
+                raise ValueError(
+                    f"{name} = {getattr(self, name)}: task {self.task!r} has {value}; leave it out"
+                )
+        return self
 
     @model_validator(mode="after")
     def _fits_algorithm(self) -> Self:
@@ -147,7 +180,14 @@ class RunConfig(BaseModel):
 
     @property
     def task_spec(self) -> Task:
-        return task_named(self.task)
+        if is_gym(self.task):
+            return gym_task(
+                self.task,
+                frame_channels=self.frame_channels,
+                frames_stacked=self.frames_stacked,
+                actions=self.actions,
+            )
+        return TASKS[self.task]
 
     @property
     def network(self) -> NetworkSpec:
@@ -180,7 +220,7 @@ class RunConfig(BaseModel):
         Raises:
             ConfigError: a value is unknown or outside its range.
         """
-        preset = PRESETS.get(task, {}) | implied(changes.get("algorithm", ""))
+        preset = preset_of(task) | implied(changes.get("algorithm", ""))
         return cls.parse({"task": task} | preset | changes, source="options")
 
     @classmethod
@@ -222,6 +262,30 @@ PRESETS: dict[str, dict[str, Any]] = {
         "reward_scale": 0.2,
     },
 }
+
+
+_GYM_PRESET: dict[str, Any] = {
+    # Of whatever unit rewards are, and episodes end for good or bad: the usual treatment of terminals.
+    "mask_terminals": True,
+    "reward_scale": 1.0,
+    "steps": 200,
+}
+
+
+def preset_of(task: str) -> dict[str, Any]:
+    """Values that a task begins with where they differ from the fields' defaults; {} for an unknown one."""
+    return (_GYM_PRESET if is_gym(task) else {}) | PRESETS.get(task, {})
+
+
+_TASK_FIELDS = ("frame_channels", "frames_stacked", "actions")
+
+
+def _of_task(task: str) -> dict[str, int]:
+    """What follows from the task; of a Gymnasium environment, gray frames in pairs, which show motion."""
+    if is_gym(task):
+        return {"frame_channels": 1, "frames_stacked": 2}
+    known = TASKS.get(task)
+    return {} if known is None else {name: getattr(known, name) for name in _TASK_FIELDS}
 
 
 def describe(error: ValidationError, source: str) -> str:

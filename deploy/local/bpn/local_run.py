@@ -168,9 +168,10 @@ class _Display:
 
 
 def _line(record: dict[str, Any], config: RunConfig) -> str:
+    task = config.task_spec
     return (
         f"iteration {record['iteration'] + 1:3d}/{config.iterations}"
-        f"  return {record['return_px']:8.1f} px"
+        f"  return {record[task.return_metric]:8.1f}{task.return_unit}"
         f"  length {record['length']:5.1f}"
         f"  loss {record['loss']:8.4f}"
         f"  lambda {record['scale']:6.3f}"

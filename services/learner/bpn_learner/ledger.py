@@ -10,6 +10,8 @@ import time
 from collections.abc import Callable, Container
 from dataclasses import dataclass
 
+import numpy as np
+
 from bpn_shared.config import RunConfig
 from bpn_shared.messages.base import MessageError
 from bpn_shared.messages.control import Assignment, EpisodeReceipt, NextEpisode
@@ -159,7 +161,13 @@ def why_invalid(episode: Episode, config: RunConfig) -> str | None:
     outputs = "int32" if config.algorithm_spec.network == "binary" else "float32"
     if episode.outputs.dtype.name != outputs:
         return f"outputs are {episode.outputs.dtype.name}, {config.algorithm} has {outputs}"
-    if episode.steps > config.steps or (episode.steps < config.steps and not meta.failed):
+    told = config.task_spec.rewards == "robot"
+    if told and not np.isfinite(episode.rewards).all():
+        return "not every step has a reward, the task's come from the robot"
+    may_be_short = (
+        meta.failed or told
+    )  # such an environment may end an episode for reasons of its own
+    if episode.steps > config.steps or (episode.steps < config.steps and not may_be_short):
         return f"{episode.steps} steps, an episode of this run has {config.steps}"
     return None
 

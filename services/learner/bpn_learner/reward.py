@@ -11,6 +11,8 @@ from bpn_learner.disc import disc_centre_px
 from bpn_shared.bnn.spec import IMAGE_SIZE_PX
 from bpn_shared.framing import nearest_on_border, reward_px
 from bpn_shared.markers import HAND_LEVEL, PAN_TILT_MARKER, TARGET_LEVEL, TRACKING_TARGET, Disc
+from bpn_shared.messages.episode import Episode
+from bpn_shared.tasks import Task
 
 Frames = npt.NDArray[np.uint8]
 Rewards = npt.NDArray[np.float64]
@@ -19,6 +21,15 @@ Positions = npt.NDArray[np.float64]
 
 class RewardError(ValueError):
     """A frame does not show what the reward is computed from; the message names the frame."""
+
+
+def episode_rewards(task: Task, episode: Episode) -> Rewards:
+    """r_1..r_T of an episode, unscaled: from its pixels, or as the robot told them where the task says so.
+
+    Raises:
+        RewardError: the frames do not show what the reward is computed from.
+    """
+    return episode.rewards if task.rewards == "robot" else rewards(task.name, episode.frames)
 
 
 def rewards(task: str, frames: Frames) -> Rewards:

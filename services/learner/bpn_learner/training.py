@@ -13,7 +13,7 @@ from bpn_learner.checkpoint import load_checkpoint, save_checkpoint
 from bpn_learner.export import export
 from bpn_learner.ledger import EpisodeLedger, load_episodes
 from bpn_learner.networks import make_network
-from bpn_learner.reward import rewards
+from bpn_learner.reward import episode_rewards
 from bpn_learner.transitions import EpisodeData, Transitions
 from bpn_learner.update import (
     PolicyUpdate,
@@ -136,12 +136,12 @@ class Training:
         return episodes
 
     def _learnable(self, episode: Episode) -> EpisodeData:
-        """The episode with its rewards, which come from the pixels alone (section V-A)."""
-        rewards_px = rewards(self._config.task, episode.frames)
+        """The episode with its rewards; the paper's tasks have them from the pixels alone (section VI-A)."""
+        rewards = episode_rewards(self._config.task_spec, episode)
         return EpisodeData(
             frames=episode.frames,
             actions=episode.actions,
-            rewards=rewards_px * self._config.reward_scale,
+            rewards=rewards * self._config.reward_scale,
             failed=episode.meta.failed,
         )
 
@@ -182,7 +182,8 @@ class Training:
     ) -> dict[str, float | int | str | list[float]]:
         """The iteration's line in the run folder; docs/metrics.md explains every value."""
         scale = self._config.reward_scale
-        returns_px = [float(episode.rewards.sum()) / scale for episode in self._data[-1]]
+        returns = [float(episode.rewards.sum()) / scale for episode in self._data[-1]]
+        name = self._config.task_spec.return_metric
         lengths = [episode.steps for episode in episodes]
         return {
             "iteration": iteration,
@@ -190,8 +191,8 @@ class Training:
             "time_unix_s": time.time(),
             "episodes": len(episodes),
             "transitions": sum(lengths),
-            "return_px": float(np.mean(returns_px)),
-            "returns_px": returns_px,
+            name: float(np.mean(returns)),
+            name.replace("return", "returns"): returns,
             "length": float(np.mean(lengths)),
             "failures": sum(episode.meta.failed for episode in episodes),
             "deadline_misses": sum(episode.meta.deadline_misses for episode in episodes),

@@ -11,7 +11,7 @@ from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from bpn_robot_sim.robot import Robot, make_robot
+from bpn_robot_sim.robot import Robot, robot_for
 from bpn_shared import keys
 from bpn_shared.bus.latest import LatestPublisher, LatestSubscriber, Sample
 from bpn_shared.bus.requests import Responder
@@ -19,7 +19,7 @@ from bpn_shared.config import RunConfig
 from bpn_shared.messages.action import Action
 from bpn_shared.messages.base import MessageError
 from bpn_shared.messages.control import Reset, ResetReply
-from bpn_shared.messages.frame import NO_ACTION, FrameHeader, FrameKind
+from bpn_shared.messages.frame import NO_ACTION, NO_REWARD, FrameHeader, FrameKind
 from bpn_shared.worker import EXIT_FINISHED, Worker, run_slot_worker
 
 _RESEND_S = 0.25
@@ -97,10 +97,11 @@ class RobotService:
         pixels = robot.reset(reset.seed).tobytes()
         self._in_flight.clear()
         kind, step, applied, loop_ns, misses = FrameKind.FIRST, 0, NO_ACTION, 0, 0
+        reward = NO_REWARD
         while True:
             header = FrameHeader(
                 kind, reset.iteration, reset.episode, step, reset.reset_id, time.monotonic_ns(),
-                applied, loop_ns, misses, self._task.frame_channels,
+                applied, loop_ns, misses, self._task.frame_channels, reward,
             )  # fmt: skip
             if kind.ends_episode:
                 self._repeat_until_reset(header, pixels)
@@ -113,11 +114,13 @@ class RobotService:
             misses += answer is None
             loop_ns = 0 if answer is None else answer.camera_to_action_ns
             pixels = robot.frame().tobytes()
+            if self._task.rewards == "robot":
+                reward = robot.reward()
             step += 1
             kind = FrameKind.MID
             if robot.terminated:
                 kind = FrameKind.FAILED
-            elif step == self._config.steps:
+            elif robot.truncated or step == self._config.steps:
                 kind = FrameKind.LAST
 
     def _await_action(self, header: FrameHeader, pixels: bytes) -> Answer | None:
@@ -203,7 +206,7 @@ class RobotService:
 
 def serve(worker: Worker, config: RunConfig) -> int:
     """Runs the robot until the worker is stopped."""
-    RobotService(worker, config, make_robot(config.task)).run()
+    RobotService(worker, config, robot_for(config.task_spec)).run()
     return EXIT_FINISHED
 
 

@@ -140,14 +140,18 @@ def _progress(trials: int) -> Progress:
 
 
 def _show(result: dict[str, Any], config: RunConfig) -> None:
-    tracked = result["tracking_time"]
+    task = config.task_spec
+    per_step = result["px_per_step" if task.rewards == "pixels" else "return_per_step"]["mean"]
+    tracked, time = result.get("tracking_time"), ""
+    if tracked is not None:
+        time = f" = {tracked['seconds']:.1f} s ({tracked['percent']:.0f} %)"
+    total = result[task.return_metric]
     lines = [
         f"{result['trials']} {result['policy']} trials in {result['pacing']}, weights version "
         f"{result['weights_version']} of run {result['run_id']} ({config.algorithm}, {config.task})",
-        f"return   {result['return_px']['mean']:8.1f} ± {result['return_px']['std']:.1f} px"
-        f"   ({result['px_per_step']['mean']:.1f} px a step)",
-        f"length   {result['length']['mean']:8.1f} ± {result['length']['std']:.1f} of {config.steps} steps"
-        f" = {tracked['seconds']:.1f} s ({tracked['percent']:.0f} %)",
+        f"return   {total['mean']:8.1f} ± {total['std']:.1f}{task.return_unit}"
+        f"   ({per_step:.1f}{task.return_unit} a step)",
+        f"length   {result['length']['mean']:8.1f} ± {result['length']['std']:.1f} of {config.steps} steps{time}",
         f"success  {100 * result['success_share']:8.0f} %",
     ]
     if config.pacing == "realtime":

@@ -39,6 +39,10 @@ class TrackingRobot:
         """The servo's goal, the window's centre in x."""
         return self._commanded_px
 
+    @property
+    def truncated(self) -> bool:
+        return False
+
     def reset(self, seed: int) -> Frame:
         """Target and window where the seed puts them, the window at rest; see `Robot.reset`."""
         self._start(*geometry.start(seed))
