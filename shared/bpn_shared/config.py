@@ -2,14 +2,7 @@
 
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import (
-    BaseModel,
-    ConfigDict,
-    Field,
-    ValidationError,
-    field_validator,
-    model_validator,
-)
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 
 from bpn_shared.algorithms import ALGORITHMS, KERNELS, Algorithm, AlgorithmName, implied
 from bpn_shared.bnn.spec import MAX_ACTIONS, MAX_CHANNELS, MAX_NODES, NetworkSpec
@@ -36,6 +29,14 @@ class RunConfig(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid")
 
     task: Annotated[str, Field(description="what the robot learns")] = "reaching"
+    algorithm: Annotated[
+        AlgorithmName,
+        Field(
+            description="binary network: bpn (CVI), bqn (DQN); float network: cvi, dqn, dpp (CVI, alpha = 1)"
+        ),
+    ] = "bpn"
+    seed: Annotated[int, Field(ge=0, lt=2**63, description="seed of everything random")] = 0
+
     frame_channels: Annotated[
         int, Field(ge=0, le=3, description="gym tasks: 1 gray, 3 RGB; 0: as the task has it")
     ] = 0
@@ -48,13 +49,6 @@ class RunConfig(BaseModel):
     actions: Annotated[
         int, Field(ge=0, le=MAX_ACTIONS, description="gym tasks: |A|; 0: found out by `bpn train`")
     ] = 0
-    algorithm: Annotated[
-        AlgorithmName,
-        Field(
-            description="binary network: bpn (CVI), bqn (DQN); float network: cvi, dqn, dpp (CVI, alpha = 1)"
-        ),
-    ] = "bpn"
-    seed: Annotated[int, Field(ge=0, lt=2**63, description="seed of everything random")] = 0
 
     iterations: Annotated[int, Field(ge=1, le=100_000, description="I, policy updates")] = 50
     episodes: Annotated[int, Field(ge=1, le=10_000, description="E, episodes an iteration")] = 10
@@ -68,6 +62,9 @@ class RunConfig(BaseModel):
     gamma: Annotated[float, Field(ge=0, lt=1, description="discount factor")] = 0.99
     mask_terminals: Annotated[
         bool, Field(description="no bootstrap from failures (Algorithm 1 as printed: bootstrap)")
+    ] = False
+    relative_targets: Annotated[
+        bool, Field(description="subtract the targets' mean over D (Algorithm 1 as printed: no)")
     ] = False
     epsilon_initial: Annotated[
         float, Field(ge=0, le=1, description="bqn, dqn: share of random actions in iteration 0")
@@ -99,6 +96,10 @@ class RunConfig(BaseModel):
     device: Annotated[
         Device, Field(description="where torch computes; weights are bit-reproducible on cpu alone")
     ] = "cpu"
+
+    tensorboard: Annotated[
+        bool, Field(description="also write TensorBoard event files into the run folder")
+    ] = False
 
     robots: Annotated[int, Field(ge=1, le=64, description="slots: robots, each with its edge")] = 1
     pacing: Annotated[
@@ -171,6 +172,15 @@ class RunConfig(BaseModel):
             raise ValueError(
                 f"action_delay_ms = {self.action_delay_ms} means nothing in lockstep, where the robot "
                 "waits for the action: set pacing = realtime"
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _relative_targets_bootstrap(self) -> Self:
+        if self.relative_targets and self.mask_terminals:
+            raise ValueError(
+                "relative_targets = True with mask_terminals = True: a terminal's value of 0 has no "
+                "meaning among values relative to their mean; switch one of them off"
             )
         return self
 

@@ -12,6 +12,7 @@ import numpy as np
 import onnx
 import pytest
 from onnx.reference import ReferenceEvaluator
+from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
 from bpn_shared.float_weights import FloatWeights
 from bpn_shared.messages.episode import Episode
@@ -70,9 +71,14 @@ def test_interrupted_and_resumed_it_ends_with_the_same_weights(
 @pytest.mark.parametrize("algorithm", ["dqn", "dpp", "bqn"])
 def test_every_other_algorithm_goes_through_the_loop(train: Train, algorithm: str) -> None:
     run = train(
-        "reaching", "--algorithm", algorithm, "--iterations", "2", "--episodes", "2", "--epochs", "1"
+        "reaching", "--algorithm", algorithm, "--iterations", "2", "--episodes", "2", "--epochs", "1",
+        "--tensorboard",
     )  # fmt: skip
     assert (run["state"], run["weights_version"]) == ("finished", 2)
+    folder = RunFolder.open(Path(run["runs_dir"]), run["run_id"])
+    events = EventAccumulator(str(folder.path / "tensorboard")).Reload()
+    found = [point.value for point in events.Scalars("return_px")]
+    assert found == pytest.approx([record["return_px"] for record in folder.metrics()], rel=1e-6)
 
 
 def test_eval_plays_it(cvi: dict[str, Any], command: Callable[..., list[str]]) -> None:

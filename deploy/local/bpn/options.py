@@ -18,8 +18,16 @@ def add_run_options(parser: argparse.ArgumentParser) -> None:
     group = parser.add_argument_group("run configuration (defaults: the task's preset)")
     for name, field in RunConfig.model_fields.items():
         if name != "task":
+            # of a yes-or-no, the option alone is a yes
+            alone: dict[str, Any] = (
+                {"nargs": "?", "const": True} if field.annotation is bool else {}
+            )
             group.add_argument(
-                f"--{name.replace('_', '-')}", dest=name, metavar=_metavar(field), help=_help(field)
+                f"--{name.replace('_', '-')}",
+                dest=name,
+                metavar=_metavar(field),
+                help=_help(field),
+                **alone,
             )
 
 

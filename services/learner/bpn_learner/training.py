@@ -5,6 +5,8 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Mapping
+from pkgutil import resolve_name
+from typing import TYPE_CHECKING
 
 import numpy as np
 import torch
@@ -28,6 +30,9 @@ from bpn_shared.run_folder import RunFolder, write_atomically
 from bpn_shared.seeds import initial_weights_seed, shuffle_generator
 from bpn_shared.service import Waiting
 from bpn_shared.weights import Weights
+
+if TYPE_CHECKING:
+    from bpn_learner.events import EventWriter  # an extra: loaded when a run asks for it
 
 log = logging.getLogger(__name__)
 
@@ -82,6 +87,7 @@ class Training:
             RewardError: a frame shows no marker.
         """
         done = self._restore()
+        events = _event_writer(self._config, self._folder, done)
         self._release(done)
         for iteration in range(done, self._config.iterations):
             start_s = time.monotonic()
@@ -98,6 +104,8 @@ class Training:
             seconds = {"collect_s": collect_s, "iteration_s": time.monotonic() - start_s}
             record = self._record(iteration, episodes, update, weights) | seconds
             self._folder.append_metrics(record)
+            if events is not None:
+                events.write(record)
             # Last: a crash before this line repeats the iteration, to the same result.
             save_checkpoint(
                 self._folder.checkpoint_path, self._network, self._optimizer, iteration + 1
@@ -155,6 +163,7 @@ class Training:
             batch=config.batch,
             target=config.algorithm_spec.update,
             mask_terminals=config.mask_terminals,
+            relative_targets=config.relative_targets,
             learning_rate_share=config.learning_rate_share(iteration),
             learning_rate_final=config.learning_rate_final,
             engine=config.engine,
@@ -208,6 +217,26 @@ class Training:
             "weights_version": weights.version,
             "weights_sha256": weights.content_sha256(),
         }
+
+
+def _event_writer(config: RunConfig, folder: RunFolder, first: int) -> "EventWriter | None":
+    """What writes TensorBoard's files, if the run asks for them.
+
+    Raises:
+        ConfigError: TensorBoard is not installed.
+    """
+    if not config.tensorboard:
+        return None
+    try:
+        writer: EventWriter = resolve_name("bpn_learner.events:EventWriter")(
+            folder.path / "tensorboard", config, first
+        )
+    except ModuleNotFoundError as error:
+        raise ConfigError(
+            f"tensorboard = True needs {error.name}, which is not installed: "
+            "pip install 'bpn-learner[tensorboard]'"
+        ) from error
+    return writer
 
 
 def _device(config: RunConfig) -> torch.device:

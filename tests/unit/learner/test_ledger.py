@@ -22,7 +22,12 @@ TASK = CONFIG.task_spec
 
 
 def played(
-    iteration: int, episode: int, steps: int = 2, outputs: type = np.int32, **changes: Any
+    iteration: int,
+    episode: int,
+    steps: int = 2,
+    outputs: type = np.int32,
+    rewards: float = np.nan,
+    **changes: Any,
 ) -> bytes:
     meta = EpisodeMeta(
         iteration=iteration, episode=episode, seed=episode_seed(CONFIG.seed, iteration, episode),
@@ -33,7 +38,7 @@ def played(
         meta=meta,
         frames=np.zeros((steps + 1, *TASK.frame_shape), np.uint8),
         actions=np.zeros(steps, np.uint8),
-        rewards=np.full(steps, np.nan),
+        rewards=np.full(steps, rewards),
         outputs=np.zeros((steps, TASK.actions), outputs),
         inference_ns=np.zeros(steps, np.uint32),
         camera_to_action_ns=np.zeros(steps, np.uint32),
@@ -131,6 +136,20 @@ def test_a_failed_episode_may_be_shorter(folder: RunFolder) -> None:
     ledger = EpisodeLedger(CONFIG, folder, alive=set())
     ledger.begin(0, attempt=1)
     assert ledger.receive(played(0, 0, steps=1, failed=True)).verdict == "stored"
+
+
+def test_rewards_told_by_a_robot_have_to_be_there_and_its_episodes_may_end_early(
+    tmp_path: Path,
+) -> None:
+    config = RunConfig.for_task(
+        "gym:A-v0", actions=14, frames_stacked=1, seed=3, episodes=4, steps=2
+    )
+    ledger = EpisodeLedger(config, RunFolder.create(tmp_path, UUID(int=1), config), alive=set())
+    ledger.begin(0, attempt=1)
+    assert ledger.receive(played(0, 0)).reason.startswith("not every step has a reward")
+    assert ledger.receive(played(0, 0, rewards=1.0)).verdict == "stored"
+    assert ledger.receive(played(0, 1, steps=1, rewards=1.0)).verdict == "stored"
+    assert ledger.receive(played(0, 2, steps=3, rewards=1.0)).verdict == "refused"
 
 
 def test_damaged_bytes_are_refused(folder: RunFolder) -> None:

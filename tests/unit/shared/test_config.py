@@ -38,7 +38,9 @@ def test_the_reaching_preset_is_table_one() -> None:
 )
 def test_the_other_presets_are_table_one_but_for(task: str, differences: dict[str, Any]) -> None:
     reaching = RunConfig.for_task("reaching").model_dump()
-    assert RunConfig.for_task(task).model_dump() == reaching | {"task": task} | differences
+    of_task = {"frame_channels": 3, "frames_stacked": 2, "actions": TASKS[task].actions}
+    expected = reaching | {"task": task} | of_task | differences
+    assert RunConfig.for_task(task).model_dump() == expected
 
 
 @pytest.mark.parametrize("task", TASKS.values(), ids=lambda task: task.name)
@@ -68,6 +70,24 @@ def test_every_task_has_a_preset_and_observations_of_its_network(task: Task) -> 
             "kernel = 'native' does not run the network of 'cvi'",
         ),
         ({"kernel": "onnx"}, "does not run the network of 'bpn', which is binary; one of: native"),
+        ({"frames_stacked": 4}, "frames_stacked = 4: task 'reaching' has 1; leave it out"),
+        ({"actions": 3}, "actions = 3: task 'reaching' has 14"),
+        (
+            {"task": "gym:CartPole-v1", "actions": 0},
+            "actions = 0: give the number of actions of 'gym:Cart",
+        ),
+        ({"task": "gym:A-v1", "actions": 1}, "actions = 1: give the number of actions"),
+        ({"task": "gym:A-v1", "actions": 2, "frame_channels": 2}, "must be 1 (gray) or 3 (RGB)"),
+        (
+            {"task": "gym:A-v1", "actions": 2, "frame_channels": 3, "frames_stacked": 6},
+            "frames_stacked = 6 of 3 channels: an observation has at most 16",
+        ),
+        (
+            {"task": "gym:A-v1", "actions": 2, "pacing": "realtime"},
+            "pacing = 'realtime': 'gym:A-v1' has no clock of its own; choose lockstep",
+        ),
+        ({"task": "gym:"}, "task = 'gym:' is unknown; one of: reaching"),
+        ({"task": "gym:a b", "actions": 2}, "gym:ENVIRONMENT-ID"),
         ({"alhpa": 0.5}, "alhpa = 0.5: unknown; one of: task, algorithm"),
     ],
 )
@@ -75,6 +95,23 @@ def test_a_wrong_value_names_itself_and_its_range(changes: dict[str, Any], messa
     with pytest.raises(ConfigError) as error:
         RunConfig.for_task(**{"task": "reaching", **changes})
     assert message in str(error.value)
+
+
+def test_a_gym_environment_is_a_task_by_its_name() -> None:
+    config = RunConfig.for_task("gym:space/Some-v3", actions=5, frame_channels=3, frames_stacked=4)
+    task = config.task_spec
+    assert (task.env_id, task.actions, task.frame_shape) == ("space/Some-v3", 5, (3, 84, 84))
+    assert (config.network.channels, config.network.actions) == (12, 5)
+    assert (task.rewards, task.return_metric, task.return_unit) == ("robot", "return", "")
+    assert config.mask_terminals
+    assert RunConfig.from_json(config.model_dump_json().encode(), source="x") == config
+    assert RunConfig.for_task("gym:A-v0", actions="2").network.channels == 2
+
+
+def test_a_papers_task_says_what_it_has() -> None:
+    config = RunConfig.for_task("tracking", frames_stacked="0")  # 0: as the task has it
+    assert (config.frame_channels, config.frames_stacked, config.actions) == (3, 2, 7)
+    assert (config.task_spec.return_metric, config.task_spec.return_unit) == ("return_px", " px")
 
 
 @given(st.binary(max_size=200))
@@ -128,3 +165,8 @@ def test_the_rate_falls_linearly_over_the_run(iterations: int, last: float) -> N
     assert shares == sorted(shares, reverse=True)
     if iterations > 1:
         assert shares[-1] == pytest.approx(last)
+
+
+def test_relative_targets_and_masked_terminals_exclude_each_other() -> None:
+    with pytest.raises(ConfigError, match="relative_targets = True with mask_terminals = True"):
+        RunConfig.for_task("tracking", relative_targets=True, mask_terminals=True)
