@@ -5,8 +5,9 @@ Whatever interrupts it, the same call goes on: finished runs and trials are reca
 
 import sys
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor, wait
+from contextlib import contextmanager
 from pathlib import Path
 
 from rich.console import Console
@@ -19,6 +20,7 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 
+from bpn.evaluation.progress import trials_bar
 from bpn.evaluation.trials import Trials, play
 from bpn.local_run import RunFailedError, private_endpoint, run_to_end
 from bpn.reproduce.definition import StoppedError
@@ -61,27 +63,32 @@ class Campaign:
         if finished:
             self._say(f"{finished} of {len(folders)} runs are there already")
         failures: list[str] = []
-        with _progress() as progress, ThreadPoolExecutor(self._jobs) as pool:
+        with _progress() as progress, ThreadPoolExecutor(self._jobs) as pool, self._all_or_none():
             bar = _Bar(progress, folders)
-            futures = {pool.submit(self._run, folder): folder for folder in missing}
-            waiting: set[Future[None]] = set(futures)
-            while waiting:
-                done, waiting = wait(waiting, timeout=_LOOK_S)
-                for future in done:
-                    error = future.exception()
-                    if isinstance(error, RunFailedError):
-                        failures.append(str(error))
-                    elif error is not None:
-                        raise error
-                    elif not self._stop.is_set():
-                        finished += 1
-                        self._say(f"{finished}/{len(folders)}  {headline(futures[future])}")
-                bar.update()
+            runs = {pool.submit(self._run, folder): folder for folder in missing}
+            for ended in _as_they_end(runs, bar):
+                try:
+                    ended.result()
+                except RunFailedError as error:
+                    failures.append(str(error))
+                    self._say(f"failed: {error}")
+                if runs[ended].state().state == "finished":
+                    finished += 1
+                    self._say(f"{finished}/{len(folders)}  {headline(runs[ended])}")
         if self._stop.is_set():
             raise StoppedError(f"{finished} of {len(folders)} runs are finished")
         if failures:
-            raise RunFailedError("\n".join(failures))
+            raise RunFailedError(f"{len(failures)} of {len(folders)} runs failed")
         return folders
+
+    @contextmanager
+    def _all_or_none(self) -> Iterator[None]:
+        """Stops all runs on an error of our own: the pool would wait for their ends, for hours."""
+        try:
+            yield
+        except BaseException:
+            self._stop.set()
+            raise
 
     def _run(self, folder: RunFolder) -> None:
         if not self._stop.is_set():
@@ -106,13 +113,22 @@ class Campaign:
         kept = self._runs_dir / "trials" / name
         episodes = _recall(kept, config, trials.count)
         if episodes is None:
-            episodes = play(folder, weights, trials, self._stop)
+            with trials_bar(trials.count) as on_progress:
+                episodes = play(folder, weights, trials, self._stop, on_progress)
             if self._stop.is_set():
                 raise StoppedError("trials were being played")
             kept.mkdir(parents=True, exist_ok=True)
             for trial, episode in enumerate(episodes):
                 write_atomically(_trial_path(kept, trial), episode.encode())
         return episodes
+
+
+def _as_they_end(runs: Collection[Future[None]], bar: "_Bar") -> Iterator[Future[None]]:
+    waiting = set(runs)
+    while waiting:
+        ended, waiting = wait(waiting, timeout=_LOOK_S)
+        bar.update()
+        yield from ended
 
 
 def _recall(kept: Path, config: RunConfig, count: int) -> list[Episode] | None:
