@@ -46,6 +46,10 @@ class RunConfig(BaseModel):
             ge=0, le=MAX_CHANNELS, description="gym tasks: frames in an observation; 0: as the task"
         ),
     ] = 0
+    frame_skip: Annotated[
+        int,
+        Field(ge=0, le=100, description="gym tasks: steps that an action takes; 0: as the task"),
+    ] = 0
     actions: Annotated[
         int, Field(ge=0, le=MAX_ACTIONS, description="gym tasks: |A|; 0: found out by `bpn train`")
     ] = 0
@@ -195,6 +199,7 @@ class RunConfig(BaseModel):
                 self.task,
                 frame_channels=self.frame_channels,
                 frames_stacked=self.frames_stacked,
+                frame_skip=self.frame_skip,
                 actions=self.actions,
             )
         return TASKS[self.task]
@@ -260,8 +265,20 @@ class RunConfig(BaseModel):
 
 PRESETS: dict[str, dict[str, Any]] = {
     # Table I; what it leaves open (optimizer, scales) was found by experiment, see docs/algorithms.
-    "reaching": {"steps": 20, "nodes": 256, "reward_scale": 0.05},
-    "tracking": {"steps": 40, "reward_scale": 0.2},
+    "reaching": {
+        "steps": 20,
+        "nodes": 256,
+        "reward_scale": 0.1,
+        "relative_targets": True,
+        "learning_rate_last": 0.05,
+    },
+    "tracking": {
+        "steps": 40,
+        "nodes": 256,
+        "reward_scale": 0.2,
+        "relative_targets": True,
+        "learning_rate_last": 0.05,
+    },
     # Section VI-B.
     "pan_tilt": {
         "nodes": 100,
@@ -269,7 +286,9 @@ PRESETS: dict[str, dict[str, Any]] = {
         "beta": 3.0,
         "iterations": 150,
         "steps": 80,
-        "reward_scale": 0.2,
+        "reward_scale": 0.1,
+        "relative_targets": True,
+        "learning_rate_last": 0.05,
     },
 }
 
@@ -287,13 +306,13 @@ def preset_of(task: str) -> dict[str, Any]:
     return (_GYM_PRESET if is_gym(task) else {}) | PRESETS.get(task, {})
 
 
-_TASK_FIELDS = ("frame_channels", "frames_stacked", "actions")
+_TASK_FIELDS = ("frame_channels", "frames_stacked", "frame_skip", "actions")
 
 
 def _of_task(task: str) -> dict[str, int]:
     """What follows from the task; of a Gymnasium environment, gray frames in pairs, which show motion."""
     if is_gym(task):
-        return {"frame_channels": 1, "frames_stacked": 2}
+        return {"frame_channels": 1, "frames_stacked": 2, "frame_skip": 1}
     known = TASKS.get(task)
     return {} if known is None else {name: getattr(known, name) for name in _TASK_FIELDS}
 

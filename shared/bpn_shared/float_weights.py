@@ -1,6 +1,6 @@
 """A floating-point policy as bytes: an ONNX model with its provenance and one known answer.
 
-Little-endian. Header (44 bytes): magic, schema version, C, N, |A|, run, attempt, version, bytes of the
+Little-endian. Header (40 bytes): magic, schema version, C, N, |A|, run, attempt, version, bytes of the
 model; then P of the probe observation, float32[|A|]; then the model; then the SHA-256 of all before it.
 
 The model takes `pixels` float32[1, C, 84, 84] of 0..255 and gives P float32[1, |A|].

@@ -22,6 +22,7 @@ class Task:
         hold_action: the action that leaves the robot where it is; what a robot did when no action
             came in time (realtime pacing).
         control_period_s: time between two frames in realtime pacing.
+        frame_skip: steps of a Gymnasium environment that one action takes.
         rewards: computed from the pixels by the learner (the paper, section VI-A), or told by the robot.
     """
 
@@ -32,6 +33,7 @@ class Task:
     actions: int
     hold_action: int
     control_period_s: float
+    frame_skip: int = 1
     rewards: Literal["pixels", "robot"] = "pixels"
 
     @property
@@ -119,7 +121,9 @@ def task_named(name: str) -> Task:
         raise ValueError(f"task = {name!r} is unknown; one of: {', '.join(TASKS)}") from None
 
 
-def gym_task(name: str, *, frame_channels: int, frames_stacked: int, actions: int) -> Task:
+def gym_task(
+    name: str, *, frame_channels: int, frames_stacked: int, frame_skip: int, actions: int
+) -> Task:
     """The Gymnasium environment of that name as a task.
 
     Raises:
@@ -144,5 +148,6 @@ def gym_task(name: str, *, frame_channels: int, frames_stacked: int, actions: in
         actions=actions,
         hold_action=0,  # without a meaning: these tasks have no realtime pacing
         control_period_s=CONTROL_PERIOD_S,
+        frame_skip=frame_skip,
         rewards="robot",
     )

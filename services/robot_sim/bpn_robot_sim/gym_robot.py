@@ -20,7 +20,7 @@ _SEEDS = 2**31  # some environments take no larger ones
 
 
 class GymRobot:
-    """A `Robot` whose world is the environment: an action is one step of it, and nothing moves in between.
+    """A `Robot` whose world is the environment: an action is `task.frame_skip` steps of it.
 
     Its frames are the observations where they are images, else what it renders as `rgb_array`.
 
@@ -63,12 +63,16 @@ class GymRobot:
         self._command = check_action(self._task, action)
 
     def settle(self) -> None:
-        """One step of the environment with the action that was commanded."""
-        self._observation, reward, terminated, truncated, _ = self._env.step(
-            self._first_action + self._command
-        )
-        self._reward = float(reward)
-        self._terminated, self._truncated = bool(terminated), bool(truncated)
+        """The environment's steps with the action that was commanded; their rewards add up."""
+        self._reward = 0.0
+        for _ in range(self._task.frame_skip):
+            self._observation, reward, terminated, truncated, _info = self._env.step(
+                self._first_action + self._command
+            )
+            self._reward += float(reward)
+            self._terminated, self._truncated = bool(terminated), bool(truncated)
+            if terminated or truncated:
+                return
 
     def advance(self, seconds: float) -> None:
         """Not possible: the environment has no time but its steps.

@@ -89,6 +89,16 @@ def test_actions_rewards_frames_and_ends_are_the_environments() -> None:
         robot.command(3)
 
 
+def test_an_action_may_take_several_steps_whose_rewards_add_up() -> None:
+    robot = make(frame_skip=2)
+    place = (int(robot.reset(seed=3)[0, 0, 0]) - 50) // 10
+    assert step(robot, 2) == place + 2
+    assert robot.reward() == (place + 1) / 4 + (place + 2) / 4
+    while not robot.terminated:
+        place = step(robot, 2)
+    assert place == 5  # it ends within an action, and goes no further
+
+
 @given(st.integers(0, 2**64 - 1))
 @settings(max_examples=20)
 def test_equal_seeds_give_equal_starts(seed: int) -> None:
