@@ -4,7 +4,7 @@ import argparse
 import logging
 import sys
 
-from bpn.commands import bench, doctor, evaluate, train, up
+from bpn.commands import bench, doctor, evaluate, reproduce, train, up
 from bpn.local_run import RunFailedError
 from bpn_shared.bnn.blob import BlobError
 from bpn_shared.config import ConfigError
@@ -18,7 +18,7 @@ def build_parser() -> argparse.ArgumentParser:
         prog="bpn", description="Reinforcement learning of robot control with binarized networks."
     )
     subparsers = parser.add_subparsers(required=True, metavar="COMMAND")
-    for command in (up, train, evaluate, bench, doctor):
+    for command in (up, train, evaluate, reproduce, bench, doctor):
         command.add(subparsers)
     return parser
 

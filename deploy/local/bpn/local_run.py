@@ -48,9 +48,29 @@ def execute(
     out: Console,
     on_started: Callable[[Supervisor], None] = lambda _: None,
 ) -> None:
-    """Runs all services until the run is finished or `stop` is set; leaves no process.
+    """Runs the run and shows how it goes.
 
     Prints one line per iteration to `out`; the progress bar goes to standard error if that is a terminal.
+
+    Raises:
+        RunFailedError: a service failed for good.
+    """
+    display = _display(folder, folder.config(), endpoint, stop, out)
+    run_to_end(folder, endpoint=endpoint, stop=stop, on_started=on_started, display=display)
+
+
+def run_to_end(
+    folder: RunFolder,
+    *,
+    endpoint: str,
+    stop: threading.Event,
+    on_started: Callable[[Supervisor], None] = lambda _: None,
+    display: contextlib.AbstractContextManager[None] | None = None,
+) -> None:
+    """Runs all services until the run is finished or `stop` is set; leaves no process.
+
+    Args:
+        display: what is entered while they run.
 
     Raises:
         RunFailedError: a service failed for good.
@@ -62,7 +82,7 @@ def execute(
     try:
         supervisor.start()
         on_started(supervisor)
-        with _display(folder, config, endpoint, stop, out):
+        with display or contextlib.nullcontext():
             supervisor.wait("learner", stop)
     finally:
         supervisor.stop()
@@ -148,9 +168,10 @@ class _Display:
 
 
 def _line(record: dict[str, Any], config: RunConfig) -> str:
+    task = config.task_spec
     return (
         f"iteration {record['iteration'] + 1:3d}/{config.iterations}"
-        f"  return {record['return_px']:8.1f} px"
+        f"  return {record[task.return_metric]:8.1f}{task.return_unit}"
         f"  length {record['length']:5.1f}"
         f"  loss {record['loss']:8.4f}"
         f"  lambda {record['scale']:6.3f}"

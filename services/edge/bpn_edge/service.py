@@ -21,8 +21,8 @@ _SILENCE_S = 1.0
 
 
 def chooser(config: RunConfig, assignment: Assignment, scale: float) -> Choose:
-    """The policy of the run's algorithm, for one episode."""
-    if config.algorithm == "bpn":
+    """The policy that an episode is to be played with."""
+    if assignment.policy == "softmax":
         return lambda outputs, uniform: softmax_action(outputs, scale, config.beta, uniform)
     return lambda outputs, uniform: epsilon_greedy_action(outputs, assignment.epsilon, uniform)
 
@@ -30,9 +30,14 @@ def chooser(config: RunConfig, assignment: Assignment, scale: float) -> Choose:
 def serve(worker: Worker, config: RunConfig) -> int:
     """Plays what the learner assigns, until there is no more or the worker is stopped."""
     task = config.task_spec
-    memory = WeightMemory(config.kernel, config.network, worker.counters)
+    memory = WeightMemory(config.kernel, worker.counters)
     weights = WeightsSubscriber(
-        worker.bus, worker.run, config.network, memory.offer, worker.counters
+        worker.bus,
+        worker.run,
+        config.network,
+        memory.offer,
+        worker.counters,
+        kind=config.algorithm_spec.network,
     )
     period_s = task.control_period_s if config.pacing == "realtime" else 0.0
     driver = EpisodeDriver(
@@ -60,8 +65,8 @@ def serve(worker: Worker, config: RunConfig) -> int:
             weights.refresh()
             continue
         worker.waiting.done()
-        assert memory.blob is not None  # activate() said so
-        episode = driver.play(assignment, chooser(config, assignment, memory.blob.scale))
+        assert memory.weights is not None  # activate() said so
+        episode = driver.play(assignment, chooser(config, assignment, memory.weights.scale))
         if episode is not None:
             learner.deliver(episode)
     return EXIT_FINISHED

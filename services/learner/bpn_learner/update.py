@@ -4,7 +4,6 @@ import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 import torch
@@ -15,6 +14,7 @@ from bpn_learner.cvi import cvi_target, dqn_target
 from bpn_learner.minibatch import minibatch_gradients
 from bpn_learner.networks import BinaryNetwork, PNetwork
 from bpn_learner.transitions import Transitions
+from bpn_shared.algorithms import UpdateKind
 from bpn_shared.config import Engine
 
 EVALUATION_BATCH = 256
@@ -36,7 +36,7 @@ class PolicyUpdate:
     Attributes:
         epochs: C.
         batch: B, at least 2.
-        target: "cvi" (BPN, CVI) or "dqn" (BQN, DQN).
+        target: "cvi" (BPN, CVI, DPP) or "dqn" (BQN, DQN).
         mask_terminals: no bootstrap from failures; Algorithm 1 as printed bootstraps from every s'.
         relative_targets: y less its mean over D, see `targets`.
         learning_rate_share: of the optimizer's learning rate, in this update's first epoch.
@@ -49,7 +49,7 @@ class PolicyUpdate:
     gamma: float = 0.99
     epochs: int = 50
     batch: int = 32
-    target: Literal["cvi", "dqn"] = "cvi"
+    target: UpdateKind = "cvi"
     mask_terminals: bool = False
     relative_targets: bool = False
     learning_rate_share: float = 1.0
