@@ -9,10 +9,10 @@ PACKAGES := shared services/edge services/learner services/robot_sim deploy/loca
 SOURCES := $(PACKAGES:%=%/bpn*)
 
 .DEFAULT_GOAL := help
-.PHONY: help up test lint format bench learning doctor clean
+.PHONY: help up test lint format bench reproduce reproduce-quick doctor clean
 
 help:            ## this list
-	@grep -hE '^[a-z-]+: .*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 12
+	@grep -hE '^[a-z-]+: .*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 17
 
 up: $(INSTALLED) ## start everything with the default run
 	$(BIN)/bpn up
@@ -35,8 +35,14 @@ bench: $(INSTALLED) ## kernel, learner and loop, side by side with what they are
 	$(BIN)/bpn bench learner
 	$(BIN)/bpn bench loop
 
-learning: $(INSTALLED) ## the paper's reaching run on three seeds (about 15 minutes), with the plot in docs
-	$(BIN)/python bench/learning_curve.py
+TARGETS := inference reaching latency tracking pan-tilt heatmap
+JOBS ?= 1
+
+reproduce: $(INSTALLED) ## every figure and table of the paper into docs/results: days on two cores, resumable
+	for target in $(TARGETS); do $(BIN)/bpn reproduce $$target --jobs $(JOBS) || exit; done
+
+reproduce-quick: $(INSTALLED) ## a tiny version of the same, to see that everything works
+	for target in $(TARGETS); do $(BIN)/bpn reproduce $$target --jobs $(JOBS) --quick || exit; done
 
 doctor: $(INSTALLED) ## what this machine has, for bug reports
 	$(BIN)/bpn doctor
@@ -51,6 +57,6 @@ $(INSTALLED): constraints.txt pyproject.toml $(PACKAGES:%=%/pyproject.toml) \
 	$(PYTHON) -m venv $(VENV)
 	$(PIP_INSTALL) pip
 	$(PIP_INSTALL) --group build
-	$(PIP_INSTALL) --group dev --no-build-isolation $(PACKAGES:%=-e %) -e 'deploy/local[bench]' \
+	$(PIP_INSTALL) --group dev --no-build-isolation $(PACKAGES:%=-e %) -e 'deploy/local[bench,media]' \
 	  -e 'services/robot_sim[gym]' -e 'services/learner[tensorboard]'
 	touch $@

@@ -6,11 +6,14 @@ import numpy as np
 import numpy.typing as npt
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 
 PALETTE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
 """Okabe and Ito's colours, without the yellow that vanishes on white."""
 REFERENCE, BEST = "#888888", "#444444"
 _DPI = 130
+
+OVER_SEEDS = "mean ± standard deviation over seeds"
 
 
 def new_figure(
@@ -38,6 +41,7 @@ def band(
     mean, std = curves.mean(axis=0), curves.std(axis=0)
     line = f"{label} (n = {len(curves)})"
     axes.plot(x, mean, style, color=colour(index), linewidth=1.6, label=line)
+    axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     axes.fill_between(x, mean - std, mean + std, color=colour(index), alpha=0.15, linewidth=0)
 
 
@@ -45,6 +49,14 @@ def reference(axes: Axes, value: float, label: str, style: str) -> None:
     """A horizontal line to compare with."""
     shade = BEST if style == "-" else REFERENCE
     axes.axhline(value, linestyle=style, color=shade, linewidth=1.0, label=f"{label} ({value:.0f})")
+
+
+def entitle(figure: Figure, title: str, *, of: str, legend: Axes | None = None) -> None:
+    """A title and what the numbers are `of`; if axes are given, their legend below the whole figure."""
+    figure.suptitle(f"{title}\n{of}", fontsize=10)
+    if legend is not None:
+        handles, labels = legend.get_legend_handles_labels()
+        figure.legend(handles, labels, loc="outside lower center", ncols=4, fontsize=8)
 
 
 def save(figure: Figure, path: Path) -> None:

@@ -2,15 +2,14 @@
 
 import argparse
 import json
-import sys
 from pathlib import Path
 from typing import Any, get_args
 
 from rich.console import Console
-from rich.progress import MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from bpn import optional
 from bpn.evaluation.outcome import outcome, summarize
+from bpn.evaluation.progress import trials_bar
 from bpn.evaluation.trials import PlayedPolicy, Trials, play
 from bpn.options import add_runs_dir
 from bpn_shared.config import ConfigError, Kernel, Pacing, RunConfig
@@ -56,11 +55,8 @@ def run(options: argparse.Namespace) -> int:
     config, weights = trials.config(folder.config()), _weights(folder, options.version)
     video, plot = _media(options.video, options.plot)
     stop = stop_on_signals()
-    with _progress(trials.count) as progress:
-        task_id = progress.task_ids[0]
-        episodes = play(
-            folder, weights, trials, stop, lambda over: progress.update(task_id, completed=over)
-        )
+    with trials_bar(trials.count) as on_progress:
+        episodes = play(folder, weights, trials, stop, on_progress)
     if stop.is_set():
         return 130
     result = {
@@ -124,19 +120,6 @@ def _media(video_path: Path | None, plot_path: Path | None) -> tuple[Any, Any]:
 def _check_suffix(option: str, path: Path, suffixes: tuple[str, ...]) -> None:
     if path.suffix not in suffixes:
         raise ConfigError(f"{option} {path}: the name must end with one of {', '.join(suffixes)}")
-
-
-def _progress(trials: int) -> Progress:
-    progress = Progress(
-        TextColumn("trials"),
-        MofNCompleteColumn(),
-        TimeRemainingColumn(),
-        console=Console(stderr=True),
-        transient=True,
-        disable=not sys.stderr.isatty(),
-    )
-    progress.add_task("trials", total=trials)
-    return progress
 
 
 def _show(result: dict[str, Any], config: RunConfig) -> None:

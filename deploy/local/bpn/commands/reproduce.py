@@ -15,6 +15,7 @@ from bpn_shared.algorithms import ALGORITHMS
 from bpn_shared.config import ConfigError
 from bpn_shared.service import stop_on_signals
 
+_RESULTS = Path("docs/results")
 NAMES = ("reaching", "tracking", "heatmap", "pan-tilt", "inference", "latency")
 
 
@@ -34,10 +35,7 @@ def add(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> No
         "--quick", action="store_true", help="a tiny version, to see that everything works"
     )
     parser.add_argument(
-        "--out",
-        type=Path,
-        default=Path("docs/results"),
-        help="for the results (default %(default)s)",
+        "--out", type=Path, help="for the results (default docs/results; quick: RUNS_DIR/quick)"
     )
     parser.add_argument(
         "--runs-dir",
@@ -62,7 +60,7 @@ def run(options: argparse.Namespace) -> int:
             algorithms=None if options.algorithms is None else options.algorithms.split(","),
             quick=options.quick,
             jobs=options.jobs,
-            out_dir=options.out,
+            out_dir=options.out or (options.runs_dir / "quick" if options.quick else _RESULTS),
             runs_dir=options.runs_dir,
             command=_command(options),
             stop=stop_on_signals(),

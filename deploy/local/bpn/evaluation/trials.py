@@ -22,7 +22,7 @@ PlayedPolicy = Literal["greedy", "softmax", "random"]
 OnProgress = Callable[[int], None]
 """Is told how many trials are over."""
 
-_START_S, _LOOK_S = 60.0, 0.05
+_START_S, _LOOK_S = 180.0, 0.05
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,8 +5,9 @@ Whatever interrupts it, the same call goes on: finished runs and trials are reca
 
 import sys
 import threading
-from collections.abc import Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor, wait
+from contextlib import contextmanager
 from pathlib import Path
 
 from rich.console import Console
@@ -19,8 +20,10 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 
+from bpn.evaluation.progress import trials_bar
 from bpn.evaluation.trials import Trials, play
 from bpn.local_run import RunFailedError, private_endpoint, run_to_end
+from bpn.reproduce.definition import StoppedError
 from bpn.reproduce.manifest import Manifest, config_hash, digest
 from bpn.reproduce.record import headline
 from bpn_shared.config import RunConfig
@@ -31,10 +34,6 @@ from bpn_shared.run_folder import RunFolder, write_atomically
 _LOOK_S = 0.5
 
 
-class InterruptedCampaignError(RuntimeError):
-    """The user stopped the campaign; the message says how far it came."""
-
-
 class Campaign:
     """Runs and trials in one folder.
 
@@ -42,51 +41,54 @@ class Campaign:
         runs_dir: where runs and the manifest are.
         jobs: runs side by side.
         stop: ends everything as soon as possible; nothing is lost by it.
-        out: gets a line for every run that is finished.
+        say: gets a line for every run that is finished.
     """
 
-    def __init__(self, runs_dir: Path, jobs: int, stop: threading.Event, out: Console) -> None:
-        self._runs_dir, self._jobs, self._stop, self._out = runs_dir, jobs, stop, out
+    def __init__(
+        self, runs_dir: Path, jobs: int, stop: threading.Event, say: Callable[[str], None]
+    ) -> None:
+        self._runs_dir, self._jobs, self._stop, self._say = runs_dir, jobs, stop, say
         self._manifest = Manifest(runs_dir)
 
     def train(self, configs: Sequence[RunConfig]) -> list[RunFolder]:
         """The finished runs of these configurations, in their order.
 
         Raises:
-            InterruptedCampaignError: `stop` was set before all were finished.
+            StoppedError: `stop` was set before all were finished.
             RunFailedError: some failed for good, after all others were finished.
         """
         folders = [self._manifest.folder(config) for config in configs]
         missing = [folder for folder in folders if folder.state().state != "finished"]
         finished = len(folders) - len(missing)
         if finished:
-            self._out.print(f"{finished} of {len(folders)} runs are there already")
+            self._say(f"{finished} of {len(folders)} runs are there already")
         failures: list[str] = []
-        with _progress() as progress, ThreadPoolExecutor(self._jobs) as pool:
+        with _progress() as progress, ThreadPoolExecutor(self._jobs) as pool, self._all_or_none():
             bar = _Bar(progress, folders)
-            futures = {pool.submit(self._run, folder): folder for folder in missing}
-            waiting: set[Future[None]] = set(futures)
-            while waiting:
-                done, waiting = wait(waiting, timeout=_LOOK_S)
-                for future in done:
-                    error = future.exception()
-                    if isinstance(error, RunFailedError):
-                        failures.append(str(error))
-                    elif error is not None:
-                        raise error
-                    elif not self._stop.is_set():
-                        finished += 1
-                        self._out.print(
-                            f"{finished}/{len(folders)}  {headline(futures[future])}",
-                            highlight=False,
-                            soft_wrap=True,
-                        )
-                bar.update()
+            runs = {pool.submit(self._run, folder): folder for folder in missing}
+            for ended in _as_they_end(runs, bar):
+                try:
+                    ended.result()
+                except RunFailedError as error:
+                    failures.append(str(error))
+                    self._say(f"failed: {error}")
+                if runs[ended].state().state == "finished":
+                    finished += 1
+                    self._say(f"{finished}/{len(folders)}  {headline(runs[ended])}")
         if self._stop.is_set():
-            raise InterruptedCampaignError(f"{finished} of {len(folders)} runs are finished")
+            raise StoppedError(f"{finished} of {len(folders)} runs are finished")
         if failures:
-            raise RunFailedError("\n".join(failures))
+            raise RunFailedError(f"{len(failures)} of {len(folders)} runs failed")
         return folders
+
+    @contextmanager
+    def _all_or_none(self) -> Iterator[None]:
+        """Stops all runs on an error of our own: the pool would wait for their ends, for hours."""
+        try:
+            yield
+        except BaseException:
+            self._stop.set()
+            raise
 
     def _run(self, folder: RunFolder) -> None:
         if not self._stop.is_set():
@@ -96,13 +98,13 @@ class Campaign:
         """The trials with the newest weights of a finished run, played once and kept.
 
         Raises:
-            InterruptedCampaignError: `stop` was set before all were played.
+            StoppedError: `stop` was set before all were played.
             RunFailedError: they cannot be played.
         """
-        blob, config = folder.newest_weights(), trials.config(folder.config())
+        weights, config = folder.newest_weights(), trials.config(folder.config())
         name = digest(
             {
-                "weights": blob.content_sha256(),
+                "weights": weights.content_sha256(),
                 "config": config_hash(config),
                 "policy": trials.policy,
                 "trials": trials.count,
@@ -111,13 +113,22 @@ class Campaign:
         kept = self._runs_dir / "trials" / name
         episodes = _recall(kept, config, trials.count)
         if episodes is None:
-            episodes = play(folder, blob, trials, self._stop)
+            with trials_bar(trials.count) as on_progress:
+                episodes = play(folder, weights, trials, self._stop, on_progress)
             if self._stop.is_set():
-                raise InterruptedCampaignError("trials were being played")
+                raise StoppedError("trials were being played")
             kept.mkdir(parents=True, exist_ok=True)
             for trial, episode in enumerate(episodes):
                 write_atomically(_trial_path(kept, trial), episode.encode())
         return episodes
+
+
+def _as_they_end(runs: Collection[Future[None]], bar: "_Bar") -> Iterator[Future[None]]:
+    waiting = set(runs)
+    while waiting:
+        ended, waiting = wait(waiting, timeout=_LOOK_S)
+        bar.update()
+        yield from ended
 
 
 def _recall(kept: Path, config: RunConfig, count: int) -> list[Episode] | None:

@@ -14,6 +14,7 @@ import numpy.typing as npt
 
 from bpn.bench.peers import FloatNetwork
 from bpn.local_run import RunFailedError
+from bpn.reproduce.definition import StoppedError
 from bpn.reproduce.far import CONFIG, Breakdown, FarClient, Policy, binarized_policy
 from bpn.supervisor import Service, Supervisor
 from bpn_edge.kernel import load
@@ -36,6 +37,7 @@ def measure(images: int, stop: threading.Event) -> dict[str, dict[str, Any]]:
 
     Raises:
         RunFailedError: the far process does not answer.
+        StoppedError: `stop` was set.
     """
     rng = np.random.default_rng(0)
     frames = rng.integers(0, 256, (images, *CONFIG.task_spec.frame_shape), np.uint8)
@@ -58,7 +60,7 @@ def measure(images: int, stop: threading.Event) -> dict[str, dict[str, Any]]:
             if answer is not None:
                 times[SERVER].append(answer)
             if stop.wait(CONFIG.task_spec.control_period_s):
-                break
+                raise StoppedError("the computers were being timed")
     if not times[SERVER]:
         raise RunFailedError("the far process answered no image")
     return {name: _percentiles(np.array(rows)) for name, rows in times.items()}
@@ -106,8 +108,10 @@ def far_client(stop: threading.Event) -> Iterator[FarClient]:
 def _warm_up(client: FarClient, supervisor: Supervisor, stop: threading.Event) -> None:
     frame = np.zeros(CONFIG.task_spec.frame_shape, np.uint8)
     deadline_s, answers = time.monotonic() + _WARM_UP_S, 0
-    while answers < _WARM_UP and not stop.is_set():
+    while answers < _WARM_UP:
         supervisor.check()
+        if stop.is_set():
+            raise StoppedError("the far process was starting")
         if supervisor.failure or time.monotonic() > deadline_s:
             raise RunFailedError(supervisor.failure or f"no answer within {_WARM_UP_S:.0f} s")
         answers += client.ask(frame, 0.1) is not None

@@ -12,6 +12,11 @@ from bpn_shared.config import RunConfig
 from bpn_shared.messages.episode import Episode
 from bpn_shared.run_folder import RunFolder
 
+
+class StoppedError(RuntimeError):
+    """The user stopped the making of a target; the message says how far it came."""
+
+
 Document = dict[str, Any]
 """What a target's JSON file holds; `report.document` describes it."""
 

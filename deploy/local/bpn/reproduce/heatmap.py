@@ -8,7 +8,7 @@ import numpy.typing as npt
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from bpn.plotting import new_figure
+from bpn.plotting import OVER_SEEDS, entitle, new_figure
 from bpn.reproduce.definition import Context, Document, Scope, Target
 from bpn.reproduce.markdown import table as markdown_table
 from bpn.reproduce.statistics import at_end, curves, full_length_shares, group
@@ -71,7 +71,7 @@ def draw(document: Document) -> Figure:
         _map(axes, found, name, form)
         axes.set_title(label, fontsize=10)
     seeds = found[0]["seeds"]
-    figure.suptitle(f"{document['title']}: mean ± standard deviation, n = {seeds}", fontsize=10)
+    entitle(figure, document["title"], of=f"{OVER_SEEDS}, n = {seeds}")
     return figure
 
 
@@ -82,7 +82,9 @@ def _map(axes: Axes, found: list[dict[str, Any]], name: str, form: str) -> None:
     for cell in found:
         values[alphas.index(cell["alpha"]), sizes.index(cell["nodes"])] = cell[name]["mean"]
     image = axes.imshow(values, cmap="cividis", origin="lower", aspect="auto")
-    middle = (np.nanmin(values) + np.nanmax(values)) / 2
+    if name == "full_length_share":
+        image.set_clim(0, 1)
+    middle = np.mean(image.get_clim())
     for cell in found:
         x, y = sizes.index(cell["nodes"]), alphas.index(cell["alpha"])
         ink = "black" if values[y, x] > middle else "white"

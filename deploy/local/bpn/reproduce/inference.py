@@ -43,11 +43,21 @@ def draw(document: Document) -> Figure:
     figure, ((axes,),) = new_figure(1, 1, 8.0, 0.9 + 0.38 * len(times))
     for row, (name, (time_ms, _)) in enumerate(times.items()):
         axes.barh(row, time_ms, color=colour(1 if name in PAPER_MS else 0))
-        axes.text(time_ms * 1.1, row, f"{time_ms:.3g} ms", va="center", fontsize=8)
+        axes.text(
+            time_ms * 1.1,
+            row,
+            f"{_readable(time_ms)} ms",
+            va="center",
+            fontsize=8,
+        )
     axes.set_yticks(range(len(times)), list(times))
     axes.set(xscale="log", xlabel="ms per inference", title=document["result"]["network"])
     axes.set_xlim(right=max(time_ms for time_ms, _ in times.values()) * 8)
     return figure
+
+
+def _readable(time_ms: float) -> str:
+    return f"{time_ms:.3g}" if time_ms < 100 else f"{time_ms:,.0f}"
 
 
 def table(document: Document) -> str:
@@ -55,7 +65,7 @@ def table(document: Document) -> str:
     binarized = document["result"]["candidates"]
     fastest_ms = min(times["p50_us"] for times in binarized.values()) / 1e3
     rows = [
-        [name, f"{time_ms:.4g}", p99_ms, f"{time_ms / fastest_ms:,.1f}"]
+        [name, _readable(time_ms), p99_ms, f"{time_ms / fastest_ms:,.1f}"]
         for name, (time_ms, p99_ms) in _times_ms(document).items()
     ]
     return markdown_table(["implementation", "p50 (ms)", "p99 (ms)", "x our fastest"], rows)

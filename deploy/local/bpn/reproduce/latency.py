@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from bpn.evaluation.outcome import outcome, summarize
 from bpn.evaluation.trials import Trials
-from bpn.plotting import colour, new_figure
+from bpn.plotting import colour, entitle, new_figure
 from bpn.reproduce import computers
 from bpn.reproduce.definition import Context, Document, Scope, Target
 from bpn.reproduce.far import CONFIG
@@ -89,7 +89,9 @@ def draw(document: Document) -> Figure:
     figure, ((left, right),) = new_figure(1, 2, 13.0, 4.2)
     _computers(left, document)
     _delays(right, document)
-    figure.suptitle(document["title"], fontsize=10)
+    entitle(
+        figure, document["title"], of="left: medians; right: mean ± standard deviation over seeds"
+    )
     return figure
 
 

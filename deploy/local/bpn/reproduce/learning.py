@@ -6,7 +6,7 @@ from typing import Any, cast
 import numpy as np
 from matplotlib.figure import Figure
 
-from bpn.plotting import band, new_figure, reference
+from bpn.plotting import OVER_SEEDS, band, entitle, new_figure, reference
 from bpn.reproduce.definition import Context, Document, Scope, Target
 from bpn.reproduce.markdown import table as markdown_table
 from bpn.reproduce.statistics import (
@@ -85,7 +85,7 @@ def draw(document: Document) -> Figure:
     ends_early = any(any(run["failures"]) for run in runs)
     rows = [("returns_px", "return (px)")]
     rows += [("shares", "share of full-length episodes")] if ends_early else []
-    figure, axes = new_figure(len(rows), len(sizes), 1.5 + 4.2 * len(sizes), 0.4 + 3.4 * len(rows))
+    figure, axes = new_figure(len(rows), len(sizes), 1.5 + 4.2 * len(sizes), 1.2 + 3.0 * len(rows))
     for column, nodes in enumerate(sizes):
         shown = [run for run in runs if run["algorithm"] in FLOAT or run["nodes"] == nodes]
         for row, (name, label) in enumerate(rows):
@@ -100,8 +100,7 @@ def draw(document: Document) -> Figure:
     if ends_early:
         for one in axes[1]:
             one.set_ylim(-0.03, 1.03)
-    axes[0][0].legend(fontsize=7)
-    figure.suptitle(f"{document['title']}: mean ± standard deviation over seeds", fontsize=10)
+    entitle(figure, document["title"], of=OVER_SEEDS, legend=axes[0][0])
     return figure
 
 

@@ -2,13 +2,14 @@
 
 import threading
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 
 from rich.console import Console
 
 from bpn.reproduce import report
-from bpn.reproduce.campaign import Campaign, InterruptedCampaignError
-from bpn.reproduce.definition import Context, Scope, Target
+from bpn.reproduce.campaign import Campaign
+from bpn.reproduce.definition import Context, Scope, StoppedError, Target
 from bpn.reproduce.manifest import locked
 from bpn.reproduce.targets import TARGETS
 from bpn_shared.config import ConfigError
@@ -45,19 +46,19 @@ def make(
         quick=quick,
     )
     configs = target.plan(scope)
+    say = partial(out.print, highlight=False, soft_wrap=True)
     with locked(runs_dir):
-        campaign = Campaign(runs_dir, jobs, stop, out)
-        out.print(f"{target.title}: {len(configs)} runs, {jobs} side by side, in {runs_dir}")
+        campaign = Campaign(runs_dir, jobs, stop, say)
+        say(f"{target.title}: {len(configs)} runs, {jobs} side by side, in {runs_dir}")
         try:
             runs = campaign.train(configs)
-            context = Context(scope, runs, campaign.play, out.print, stop)
-            result = target.measure(context)
-        except InterruptedCampaignError as interrupted:
-            out.print(f"stopped, {interrupted}; go on with: {command} --runs-dir {runs_dir}")
+            result = target.measure(Context(scope, runs, campaign.play, say, stop))
+        except StoppedError as stopped:
+            say(f"stopped: {stopped}; go on with: {command} --runs-dir {runs_dir}")
             return 130
         made = report.document(target, command, runs, result, quick=quick)
         for path in report.write(target, made, out_dir):
-            out.print(f"wrote {path}")
+            say(f"wrote {path}")
     return 0
 
 

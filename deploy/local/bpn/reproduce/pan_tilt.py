@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from bpn.evaluation.outcome import outcome, summarize
 from bpn.evaluation.trajectories import figure_deg, gaze_deg
 from bpn.evaluation.trials import PlayedPolicy, Trials
-from bpn.plotting import BEST, band, colour, new_figure
+from bpn.plotting import BEST, OVER_SEEDS, band, colour, entitle, new_figure
 from bpn.reproduce.definition import Context, Document, Scope, Target
 from bpn.reproduce.markdown import table as markdown_table
 from bpn.reproduce.statistics import curves, full_length_shares, group
@@ -76,7 +76,7 @@ def draw(document: Document) -> Figure:
     row[1].set(xlabel="iteration", ylabel="share of full-length episodes", ylim=(-0.03, 1.03))
     row[0].legend(fontsize=8)
     _gaze(row[2], document, [name for (name,) in names])
-    figure.suptitle(f"{document['title']}: mean ± standard deviation over seeds", fontsize=10)
+    entitle(figure, document["title"], of=OVER_SEEDS)
     return figure
 
 
