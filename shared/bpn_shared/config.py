@@ -290,6 +290,22 @@ PRESETS: dict[str, dict[str, Any]] = {
         "relative_targets": True,
         "learning_rate_last": 0.05,
     },
+    # Found by experiment, see docs/tasks/gym.md.
+    "gym:CartPole-v1": {
+        "actions": 2,
+        "frame_skip": 3,
+        "nodes": 128,
+        "alpha": 0.9,
+        "gamma": 0.95,
+        "iterations": 30,
+        "episodes": 24,
+        "steps": 100,
+        "epochs": 20,
+        "datasets": 6,
+        "learning_rate": 3e-3,
+        "scale_initial": 0.05,
+        "reward_scale": 0.6,
+    },
 }
 
 

@@ -24,16 +24,19 @@ from bpn_shared.service import Counters
 SPEC = NetworkSpec(2, 30, 6)
 
 
-def random_policy(seed: int, spec: NetworkSpec = SPEC) -> FloatWeights:
+def random_model(seed: int, spec: NetworkSpec, bias_axes: int = 1) -> bytes:
     rng = np.random.default_rng(seed)
     weights, biases = [], []
     for layer in spec.layers:
         shape = (layer.out_channels, layer.in_channels, layer.kernel, layer.kernel)
         weights.append((rng.normal(size=shape) / layer.max_input).astype(np.float32))
-        biases.append(rng.normal(size=layer.out_channels).astype(np.float32))
-    policy = FloatWeights(
-        spec, onnx_model(spec, weights, biases), np.zeros(spec.actions, np.float32)
-    )
+        bias = rng.normal(size=layer.out_channels).astype(np.float32)
+        biases.append(bias.reshape(-1, *[1] * (bias_axes - 1)))
+    return onnx_model(spec, weights, biases)
+
+
+def random_policy(seed: int, spec: NetworkSpec = SPEC) -> FloatWeights:
+    policy = FloatWeights(spec, random_model(seed, spec), np.zeros(spec.actions, np.float32))
     return replace(policy, probe_outputs=reference(policy, spec.probe()))
 
 
@@ -109,6 +112,13 @@ def test_a_damaged_model_does_no_more_than_raise_blob_error(position: int, bit: 
         verify(kernel, POLICIES[0])
     except BlobError:
         pass  # a flipped low bit of one weight may pass, and is as good
+
+
+def test_a_model_that_loads_but_does_not_run_is_refused() -> None:
+    odd = replace(POLICIES[0], model=random_model(0, SPEC, bias_axes=2))
+    with pytest.raises(BlobError, match="the model cannot be"):
+        OnnxKernel().load(odd)
+    assert refused(odd) == {"weights_failed_verification": 1}
 
 
 def test_a_model_of_another_geometry_is_refused() -> None:

@@ -91,6 +91,23 @@ RESULTS: dict[str, tuple[list[dict[str, Any]], dict[str, Any]]] = {
     ),
 }
 
+RESULTS["cartpole"] = (
+    [
+        {k: v for k, v in record("bpn", 128, seed).items() if k != "returns_px"}
+        | {"returns": [20.0 + i for i in range(ITERATIONS)]}
+        for seed in range(SEEDS)
+    ],
+    {
+        "trials": [
+            {
+                "name": name, "seed": seed, "trials": 2, "return": {"mean": 20.0, "std": 1.0},
+                "returns": [19.0, 21.0],
+            }
+            for name, seed in (("random", 0), *(("bpn", seed) for seed in range(SEEDS)))
+        ]
+    },
+)  # fmt: skip
+
 
 def made(name: str, *, quick: bool = False) -> dict[str, Any]:
     runs, result = RESULTS[name]

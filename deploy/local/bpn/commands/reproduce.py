@@ -16,7 +16,7 @@ from bpn_shared.config import ConfigError
 from bpn_shared.service import stop_on_signals
 
 _RESULTS = Path("docs/results")
-NAMES = ("reaching", "tracking", "heatmap", "pan-tilt", "inference", "latency")
+NAMES = ("reaching", "tracking", "heatmap", "pan-tilt", "inference", "latency", "cartpole")
 
 
 def add(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:

@@ -13,10 +13,11 @@ def run_record(folder: RunFolder) -> dict[str, Any]:
 
     Returns:
         run_id, task, algorithm, nodes, alpha, seed, steps (T) and episodes (E an iteration); per iteration
-        returns_px, lengths (means over its episodes) and failures (episodes that ended before T);
-        seconds; weights_sha256 of the last policy.
+        returns_px (of a gym: task returns, in its own unit), lengths (means over its episodes) and failures
+        (episodes that ended before T); seconds; weights_sha256 of the last policy.
     """
     config, lines = folder.config(), folder.metrics()
+    metric = config.task_spec.return_metric
     return {
         "run_id": str(folder.run),
         "task": config.task,
@@ -26,7 +27,7 @@ def run_record(folder: RunFolder) -> dict[str, Any]:
         "seed": config.seed,
         "steps": config.steps,
         "episodes": config.episodes,
-        "returns_px": [round(line["return_px"], 2) for line in lines],
+        metric.replace("return", "returns"): [round(line[metric], 2) for line in lines],
         "lengths": [round(line["length"], 2) for line in lines],
         "failures": [line["failures"] for line in lines],
         "seconds": round(sum(line["iteration_s"] for line in lines), 1),
@@ -37,10 +38,12 @@ def run_record(folder: RunFolder) -> dict[str, Any]:
 def headline(folder: RunFolder) -> str:
     """A finished run in one line."""
     record = run_record(folder)
-    last = min(LAST, len(record["returns_px"]))
+    task = folder.config().task_spec
+    returns = record[task.return_metric.replace("return", "returns")][-LAST:]
+    last = len(returns)
     share = np.mean(full_length_shares(record)[-last:])
     return (
         f"{record['algorithm']}  N {record['nodes']}  alpha {record['alpha']:g}  seed {record['seed']}"
-        f"  return {np.mean(record['returns_px'][-last:]):8.1f} px  full length {share:4.0%}"
+        f"  return {np.mean(returns):8.1f}{task.return_unit}  full length {share:4.0%}"
         f"  (last {last} iterations)  {record['seconds']:.0f} s"
     )

@@ -11,7 +11,7 @@ from bpn_shared.float_weights import FloatWeights
 from bpn_shared.weights import Weights
 
 _INPUT = "pixels"
-_ERRORS_ONLY = 3
+_FATAL_ONLY = 4
 
 
 class OnnxKernel:
@@ -28,7 +28,9 @@ class OnnxKernel:
             raise BlobError(f"the {self.name} kernel runs float policies, this one is binarized")
         options = onnxruntime.SessionOptions()
         options.intra_op_num_threads = options.inter_op_num_threads = 1
-        options.log_severity_level = _ERRORS_ONLY
+        options.log_severity_level = (
+            _FATAL_ONLY  # errors are raised, and said once by whoever catches them
+        )
         try:
             session = onnxruntime.InferenceSession(
                 weights.model, options, providers=["CPUExecutionProvider"]
@@ -42,6 +44,10 @@ class OnnxKernel:
             [("tensor(float)", [1, weights.spec.actions])],
         ):
             raise BlobError(f"the model is {inputs} to {outputs}, not of geometry {weights.spec}")
+        try:  # some damage shows only here
+            session.run(None, {_INPUT: _pixels(weights.spec.probe())})
+        except Exception as error:
+            raise BlobError(f"the model cannot be run: {error}") from error
         self._loaded = session, weights
 
     def run(self, observation: Observation) -> npt.NDArray[np.float32]:
@@ -50,6 +56,11 @@ class OnnxKernel:
             raise not_loaded(self.name)
         session, weights = self._loaded
         check_observation(weights.spec, observation)
-        pixels = observation.astype(np.float32)[np.newaxis]
-        preferences: npt.NDArray[np.float32] = session.run(None, {_INPUT: pixels})[0][0]
+        preferences: npt.NDArray[np.float32] = session.run(None, {_INPUT: _pixels(observation)})[0][
+            0
+        ]
         return preferences
+
+
+def _pixels(observation: Observation) -> npt.NDArray[np.float32]:
+    return observation.astype(np.float32)[np.newaxis]
