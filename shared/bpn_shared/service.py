@@ -12,6 +12,8 @@ import uuid
 from collections import Counter
 from collections.abc import Callable
 
+from bpn_shared import log_lines
+
 log = logging.getLogger(__name__)
 
 SUPERVISOR_PID = "BPN_SUPERVISOR_PID"
@@ -21,12 +23,10 @@ _PR_SET_PDEATHSIG = 1
 
 
 def set_up_logging(service: str) -> None:
-    """Log lines to standard error: time, service, level, text."""
-    logging.basicConfig(
-        level=logging.INFO,
-        format=f"%(asctime)s {service} %(levelname)s %(message)s",
-        force=True,
-    )
+    """Log lines to standard error, in the form of `bpn_shared.log_lines`."""
+    handler = logging.StreamHandler()
+    handler.setFormatter(log_lines.formatter(service))
+    logging.basicConfig(level=logging.INFO, handlers=[handler], force=True)
 
 
 def stop_on_signals() -> threading.Event:
