@@ -1,7 +1,6 @@
 """Who looks at what: opens a topic's source for its first subscriber and closes it after its last."""
 
 import asyncio
-import secrets
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -37,14 +36,14 @@ class Hub:
     """The live view. Make it on the event loop; its methods but `publish` belong there.
 
     Args:
+        name: of this life of the server: another one after a restart.
         counters: `live_refused`, `telemetry_refused`, `live_clients`, `live_clients_refused`.
     """
 
-    def __init__(self, bus: Bus, runs_dir: Path, counters: Counters) -> None:
+    def __init__(self, bus: Bus, runs_dir: Path, counters: Counters, name: str) -> None:
         self._loop = asyncio.get_running_loop()
         self._counters = counters
-        self.name = secrets.token_hex(8)
-        """Of this life of the server."""
+        self.name = name
         self.topology = Topology()
         self._watches = (
             TelemetryWatch(bus, self.topology.hear, counters),

@@ -176,9 +176,9 @@ class LiveFrame(NamedTuple):
         if len(message) < FRAME_HEADER_BYTES:
             raise ProtocolError(f"frame: {len(message)} bytes are less than a header")
         version, form, *fields = _FRAME_HEADER.unpack_from(message)
+        frame, pixels = cls._make((*fields, form)), message[FRAME_HEADER_BYTES:]
         if version != VERSION or form not in (FRAME_RAW, FRAME_JPEG):
             raise ProtocolError(f"frame: version {version}, form {form}; this program reads 1")
-        frame, pixels = cls(*fields, form), message[FRAME_HEADER_BYTES:]
         expected = frame.channels * frame.height_px * frame.width_px
         if form == FRAME_RAW and len(pixels) != expected:
             raise ProtocolError(f"frame: {len(pixels)} pixel bytes, its shape has {expected}")

@@ -109,6 +109,7 @@ def _decision(message: tuple[bytes, bytes]) -> bytes:
     return orjson.dumps(
         {
             **decision.model_dump(exclude={"inference_ns", "edge_ns", "time_ns"}),
+            "preferences": [decision.scale * output for output in decision.outputs],
             "inference_us": decision.inference_ns / 1e3,
             "edge_us": decision.edge_ns / 1e3,
             "time_unix_s": decision.time_ns / 1e9,

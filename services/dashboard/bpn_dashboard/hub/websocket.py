@@ -3,8 +3,8 @@
 import asyncio
 import contextlib
 import time
-from collections.abc import Awaitable, Callable, Coroutine
-from typing import Any, Literal
+from collections.abc import Callable, Coroutine
+from typing import Any
 
 from fastapi import APIRouter, WebSocket, WebSocketDisconnect
 
@@ -24,17 +24,16 @@ UVICORN_OPTIONS: dict[str, Any] = {
 }
 """What uvicorn has to be told for this route."""
 
-CLOSE_PROTOCOL, CLOSE_NO_SESSION, CLOSE_FORBIDDEN, CLOSE_FULL = 4400, 4401, 4403, 4429
+CLOSE_PROTOCOL, CLOSE_NO_SESSION, CLOSE_FULL = 4400, 4401, 4429
 _HELLO_DEADLINE_S = 10.0
 _SEND_DEADLINE_S = 60.0
 _CLOSE_DEADLINE_S = 1.0
 _SESSION_PERIOD_S = 5.0
 _MAX_ERRORS = 100
 
-Verdict = Literal["granted", "foreign", "no_session", "forbidden"]
-Authorise = Callable[[WebSocket], Awaitable[Verdict]]
-"""Judges a connection: granted; from a foreign Host or Origin; without a session; with too small a role.
-Asked before it is accepted, and again while it lasts."""
+MayWatch = Callable[[WebSocket], bool]
+"""Whether who asks may see the live view: has a session or a token. Asked on a thread, again and again. Foreign
+hosts and origins are refused before, by the guard around the application."""
 
 
 class _CloseError(Exception):
@@ -45,22 +44,19 @@ class _CloseError(Exception):
         self.code, self.reason = code, reason
 
 
-def live_route(hub: Callable[[], Hub], authorise: Authorise) -> APIRouter:
+def live_route(hub: Callable[[], Hub], may_watch: MayWatch) -> APIRouter:
     """The route, for a hub that exists once the application has started."""
     router = APIRouter()
 
     @router.websocket(PATH)
     async def live(websocket: WebSocket) -> None:
-        verdict = await authorise(websocket)
-        if verdict == "foreign":
-            await websocket.close()  # before it is accepted: the handshake is answered with 403
-            return
-        # From here on it is our own page, or a script with a token. A browser never tells a page why a
-        # handshake was refused, so it is accepted, and closed with a code that says so.
+        allowed = await asyncio.to_thread(may_watch, websocket)
+        # A browser never tells a page why a handshake was refused, so ours is accepted, and closed with a
+        # code that says so.
         await websocket.accept()
         try:
-            _require(verdict)
-            await _serve(websocket, hub(), authorise)
+            _require(allowed)
+            await _serve(websocket, hub(), may_watch)
         except WebSocketDisconnect:
             pass
         except _CloseError as error:
@@ -71,11 +67,9 @@ def live_route(hub: Callable[[], Hub], authorise: Authorise) -> APIRouter:
     return router
 
 
-def _require(verdict: Verdict) -> None:
-    if verdict == "no_session":
-        raise _CloseError(CLOSE_NO_SESSION, "no session: open the page with its token again")
-    if verdict != "granted":
-        raise _CloseError(CLOSE_FORBIDDEN, "not allowed")
+def _require(allowed: bool) -> None:
+    if not allowed:
+        raise _CloseError(CLOSE_NO_SESSION, "no session: open the link that the dashboard printed")
 
 
 class _Transport:
@@ -93,7 +87,7 @@ class _Transport:
             await self._websocket.send_bytes(data)
 
 
-async def _serve(websocket: WebSocket, hub: Hub, authorise: Authorise) -> None:
+async def _serve(websocket: WebSocket, hub: Hub, may_watch: MayWatch) -> None:
     transport = _Transport(websocket)
     try:
         client = hub.connect(transport)
@@ -104,7 +98,7 @@ async def _serve(websocket: WebSocket, hub: Hub, authorise: Authorise) -> None:
         await _until_one_ends(
             client.send_forever(),
             _receive_forever(websocket, transport, client),
-            _watch_session(websocket, authorise),
+            _watch_session(websocket, may_watch),
         )
     except TimeoutError:
         raise _CloseError(CLOSE_PROTOCOL, "nothing was heard or taken in time") from None
@@ -176,7 +170,7 @@ def _obey(message: protocol.ClientMessage, client: Client) -> str | None:
     return None
 
 
-async def _watch_session(websocket: WebSocket, authorise: Authorise) -> None:
+async def _watch_session(websocket: WebSocket, may_watch: MayWatch) -> None:
     while True:
         await asyncio.sleep(_SESSION_PERIOD_S)
-        _require(await authorise(websocket))
+        _require(await asyncio.to_thread(may_watch, websocket))
