@@ -1,13 +1,15 @@
 import os
 import threading
+from uuid import uuid4
 
 import numpy as np
 import psutil
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from bpn_shared.bus.traffic import MAX_KEYS, Traffic
-from bpn_shared.service import Counters, Waiting
+from bpn_shared.service import Counters, Waiting, new_worker_id
 from bpn_shared.telemetry import LATENCY_WINDOW_S, Latencies, ProcessUsage, Reporter, WeightsMarks
 
 
@@ -56,6 +58,15 @@ def test_memory_and_processor_are_what_the_system_says() -> None:
     assert abs(ours - theirs) < 20
     assert abs(usage.rss_bytes() - process.memory_info().rss) < 20e6
     assert usage.cpu_percent() == ours  # asked again at once
+
+
+@pytest.mark.parametrize("kind", ["learner", "edge", "robot_sim", "dashboard"])
+def test_every_kind_of_service_can_report(kind: str) -> None:
+    reporter = Reporter(
+        kind, new_worker_id(kind), lambda: (uuid4(), 0), Traffic(), waiting=Waiting(),
+        counters=Counters(), latencies=Latencies(), weights=WeightsMarks(),
+    )  # fmt: skip
+    assert reporter.report().kind == kind
 
 
 def test_a_report_holds_what_its_parts_know() -> None:
