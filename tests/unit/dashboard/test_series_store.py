@@ -139,7 +139,7 @@ def test_a_replaced_file_is_read_from_the_start(database, runs) -> None:
     assert stored(database, "old") == ([], [])
 
 
-def test_few_points_are_shown_as_they_are_and_many_in_buckets(database, runs) -> None:
+def test_few_points_are_shown_as_they_are_and_many_in_buckets(database) -> None:
     rng = np.random.default_rng(1)
     losses = rng.normal(size=10_000)
     losses[4321] = 50.0

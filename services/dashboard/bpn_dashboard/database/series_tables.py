@@ -1,4 +1,4 @@
-"""The tables of metric series and of access tokens. The series can be rebuilt from the run folders."""
+"""The tables of metric series. They can be rebuilt from the run folders."""
 
 from sqlalchemy import BigInteger, ForeignKey, Index, LargeBinary
 from sqlalchemy.orm import Mapped, mapped_column
@@ -58,30 +58,3 @@ class ChunkRow(Base):
     """int64 little-endian; None if they are first, first + 1, ..."""
     points: Mapped[bytes] = mapped_column(LargeBinary)
     """float64 little-endian, ascending in iteration."""
-
-
-class TokenRow(Base):
-    """A token for scripts; the token itself is never stored."""
-
-    __tablename__ = "tokens"
-
-    id: Mapped[str] = mapped_column(primary_key=True)
-    name: Mapped[str]
-    role: Mapped[str]
-    sha256: Mapped[str] = mapped_column(unique=True)
-    created_at: Mapped[float]
-    last_used_at: Mapped[float | None]
-    expires_at: Mapped[float | None]
-
-
-class IdempotencyRow(Base):
-    """What a request with an Idempotency-Key made, so that repeating it makes nothing more."""
-
-    __tablename__ = "idempotency"
-
-    key: Mapped[str] = mapped_column(primary_key=True)
-    """Of the actor, the operation and the header."""
-    request_sha256: Mapped[str]
-    subject: Mapped[str]
-    """The id of what was made."""
-    created_at: Mapped[float]

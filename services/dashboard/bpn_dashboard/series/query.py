@@ -112,10 +112,9 @@ def _placed(points: Points, axis: Points, kind: Axis) -> tuple[Floats, Floats]:
     """X and values of the points for whose iteration the axis is known."""
     if not len(axis.steps):
         return np.empty(0), np.empty(0)
-    if kind == "transitions":
-        x = np.cumsum(axis.values)
-    else:  # a clock that was set back must not fold the curve
-        x = np.maximum.accumulate(axis.values) - axis.values[0]
+    # A clock that was set back must not fold the curve.
+    since_start = np.maximum.accumulate(axis.values) - axis.values[0]
+    x = np.cumsum(axis.values) if kind == "transitions" else since_start
     at = np.minimum(np.searchsorted(axis.steps, points.steps), len(axis.steps) - 1)
     known = axis.steps[at] == points.steps
     return x[at[known]], points.values[known]

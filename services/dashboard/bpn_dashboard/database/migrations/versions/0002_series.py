@@ -1,4 +1,4 @@
-"""Metric series, access tokens, idempotency keys."""
+"""Metric series, access."""
 
 import sqlalchemy as sa
 from alembic import op
@@ -51,6 +51,7 @@ def upgrade() -> None:
     op.create_table(
         "tokens",
         sa.Column("id", sa.String(), nullable=False),
+        sa.Column("kind", sa.String(), nullable=False),
         sa.Column("name", sa.String(), nullable=False),
         sa.Column("role", sa.String(), nullable=False),
         sa.Column("sha256", sa.String(), nullable=False),
@@ -59,6 +60,12 @@ def upgrade() -> None:
         sa.Column("expires_at", sa.Float(), nullable=True),
         sa.PrimaryKeyConstraint("id", name=op.f("pk_tokens")),
         sa.UniqueConstraint("sha256", name=op.f("uq_tokens_sha256")),
+    )
+    op.create_table(
+        "secrets",
+        sa.Column("name", sa.String(), nullable=False),
+        sa.Column("value", sa.LargeBinary(), nullable=False),
+        sa.PrimaryKeyConstraint("name", name=op.f("pk_secrets")),
     )
     op.create_table(
         "idempotency",
@@ -71,5 +78,7 @@ def upgrade() -> None:
 
 
 def downgrade() -> None:
-    for table in ("idempotency", "tokens", "series_chunks", "series_metrics", "series_sources"):
+    for table in (
+        "idempotency", "secrets", "tokens", "series_chunks", "series_metrics", "series_sources",
+    ):  # fmt: skip
         op.drop_table(table)
