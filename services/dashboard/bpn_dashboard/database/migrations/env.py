@@ -1,6 +1,7 @@
 """What Alembic runs: the migrations, on the connection that `Database` gives, in one transaction."""
 
 from alembic import context
+
 from bpn_dashboard.database.tables import Base
 
 context.configure(
