@@ -15,7 +15,7 @@ from bpn_dashboard.series import store
 from bpn_dashboard.series.ingest import Ingest
 from bpn_dashboard.series.lines import parse_lines
 from bpn_dashboard.series.points import Points
-from bpn_dashboard.series.query import View, query
+from bpn_dashboard.series.query import Series, SeriesQueries, View
 from bpn_shared.service import Counters
 
 RUN = "01a201f9-821b-74c6-95eb-3f4ab1331c4c"
@@ -44,6 +44,10 @@ def runs(tmp_path: Path, database: Database):
 
     counters = Counters()
     return SimpleNamespace(file=file, write=write, ingest=ingest, counters=counters)
+
+
+def query(database: Database, runs: list[str], metric: str, view: View) -> Series:
+    return SeriesQueries(database).query([runs], [metric], view)[0]
 
 
 def stored(database: Database, name: str, run: str = RUN) -> tuple[list[int], list[float]]:
@@ -145,10 +149,9 @@ def test_few_points_are_shown_as_they_are_and_many_in_buckets(database) -> None:
     losses[4321] = 50.0
     with database.writing() as session:
         store.append(session, RUN, {"loss": Points.written(range(10_000), losses.tolist())})
-    with database.reading() as session:
-        few = query(session, [RUN], "loss", View(range=(4000, 4099), max_points=100))
-        many = query(session, [RUN], "loss", View(max_points=100))
-        middle = query(session, [RUN], "loss", View(range=(3000, 5999), max_points=100))
+    few = query(database, [RUN], "loss", View(range=(4000, 4099), max_points=100))
+    many = query(database, [RUN], "loss", View(max_points=100))
+    middle = query(database, [RUN], "loss", View(range=(3000, 5999), max_points=100))
     assert few.bucket == 0
     np.testing.assert_array_equal(few.curve.value, losses[4000:4100])
     assert many.bucket == 128
@@ -163,8 +166,7 @@ def test_a_sparse_metric_is_not_bucketed(database) -> None:
     sparse = range(0, 100_000, 5_000)
     with database.writing() as session:
         store.append(session, RUN, {"exam": Points.written(sparse, [float(i) for i in sparse])})
-    with database.reading() as session:
-        series = query(session, [RUN], "exam", View(max_points=50))
+    series = query(database, [RUN], "exam", View(max_points=50))
     assert series.bucket == 0
     assert series.curve.x.tolist() == list(sparse)
 
@@ -178,9 +180,8 @@ def test_other_axes_place_points_by_their_iteration(database, axis) -> None:
     }
     with database.writing() as session:
         store.append(session, RUN, columns)
-    with database.reading() as session:
-        curve = query(session, [RUN], "loss", View(axis=axis)).curve
-        part = query(session, [RUN], "loss", View(axis=axis, range=(2, 450))).curve
+    curve = query(database, [RUN], "loss", View(axis=axis)).curve
+    part = query(database, [RUN], "loss", View(axis=axis, range=(2, 450))).curve
     assert curve.x.tolist() == {"wall_s": [0, 3, 10], "transitions": [200, 400, 500]}[axis]
     assert curve.value.tolist() == [5, 6, 7]
     assert part.value.tolist() == {"wall_s": [6, 7], "transitions": [5, 6]}[axis]
@@ -191,8 +192,7 @@ def test_groups_do_not_depend_on_order_or_on_who_has_no_points(database) -> None
     with database.writing() as session:
         store.append(session, RUN, {"loss": Points.written([0, 1], [1.0, 2.0])})
         store.append(session, other, {"loss": Points.written([0, 1], [3.0, 6.0])})
-    with database.reading() as session:
-        one = query(session, [RUN, other], "loss", View())
-        two = query(session, [other, RUN, "no such run"], "loss", View())
+    one = query(database, [RUN, other], "loss", View())
+    two = query(database, [other, RUN, "no such run"], "loss", View())
     assert one.curve.value.tolist() == two.curve.value.tolist() == [2.0, 4.0]
     assert one.run_ids == two.run_ids == sorted([RUN, other])

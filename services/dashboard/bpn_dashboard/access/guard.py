@@ -107,7 +107,9 @@ def refuse(scope: Scope, headers: Headers, hosts: frozenset[str]) -> Refusal | N
     if headers.get("sec-fetch-site", "none") not in ("same-origin", "none"):
         return Refusal(403, "cross-origin", "the request comes from another site's page")
     if scope["type"] == "websocket" and origin is None and "authorization" not in headers:
-        return Refusal(403, "cross-origin", "browsers say their origin, scripts have a bearer token")
+        return Refusal(
+            403, "cross-origin", "browsers say their origin, scripts have a bearer token"
+        )
     return None
 
 

@@ -6,10 +6,11 @@ All three are 256 random bits of which only the SHA-256 is stored: who reads the
 import hashlib
 import secrets
 import time
+from collections.abc import Sequence
 from typing import Literal, cast
 
 import uuid_utils
-from sqlalchemy import delete, select
+from sqlalchemy import Select, delete, select
 
 from bpn_dashboard.access.roles import Identity, Role
 from bpn_dashboard.database.access_tables import SecretRow, TokenRow
@@ -60,9 +61,7 @@ class Tokens:
             Who it is, and the session's secret.
         """
         with self._database.writing() as session:
-            found = session.scalar(
-                _matching(secret, time.time()).where(TokenRow.kind != "session")
-            )
+            found = session.scalar(_matching(secret, time.time()).where(TokenRow.kind != "session"))
             if found is None:
                 return None
             if found.kind == "link":
@@ -82,13 +81,14 @@ class Tokens:
             )
             return [*rows]
 
-    def revoke(self, token_id: str) -> bool:
-        """Makes one worthless from now on; whether there was one of that id."""
+    def revoke(self, token_id: str, kinds: Sequence[Kind] = ("token", "session")) -> bool:
+        """Makes one of these kinds worthless from now on; whether there was one of that id."""
         with self._database.writing() as session:
             row = session.get(TokenRow, token_id)
-            if row is not None:
+            found = row is not None and row.kind in kinds
+            if found:
                 session.delete(row)
-        return row is not None
+        return found
 
 
 def secret_key(database: Database, name: str) -> bytes:
@@ -101,7 +101,7 @@ def secret_key(database: Database, name: str) -> bytes:
         return row.value
 
 
-def _matching(secret: str, now: float) -> "select[tuple[TokenRow]]":
+def _matching(secret: str, now: float) -> Select[tuple[TokenRow]]:
     alive = (TokenRow.expires_at.is_(None)) | (TokenRow.expires_at > now)
     return select(TokenRow).where(TokenRow.sha256 == _digest(secret), alive)
 

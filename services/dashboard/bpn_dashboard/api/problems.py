@@ -48,9 +48,7 @@ class Problem(BaseModel):
     @classmethod
     def of(cls, status: int, kind: str, detail: str) -> Self:
         """A problem whose title is the status's phrase."""
-        return cls(
-            type=_TYPE + kind, title=HTTPStatus(status).phrase, status=status, detail=detail
-        )
+        return cls(type=_TYPE + kind, title=HTTPStatus(status).phrase, status=status, detail=detail)
 
 
 class ApiError(Exception):

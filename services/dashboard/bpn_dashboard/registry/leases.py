@@ -199,7 +199,9 @@ class LeaseBook:
         leases = [(place, lease.worker) for place, lease in self._leases.items() if lease.confirmed]
         unwanted = [(place, worker) for place, worker in leases if not self._is_wanted(place)]
         in_vain = [(place, worker) for place, worker in leases if self._is_in_vain(place, now_s)]
-        surplus = [(place, worker) for place, workers in self._surplus.items() for worker in workers]
+        surplus = [
+            (place, worker) for place, workers in self._surplus.items() for worker in workers
+        ]
         return unwanted + surplus + in_vain
 
     def _is_wanted(self, place: Place) -> bool:

@@ -1,12 +1,15 @@
 """Curves of groups of runs, from all of their points, in at most so many buckets."""
 
-from collections.abc import Mapping, Sequence
+import threading
+from collections import OrderedDict
+from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 from sqlalchemy.orm import Session
 
+from bpn_dashboard.database.engine import Database
 from bpn_dashboard.database.series_tables import MetricRow
 from bpn_dashboard.series import store
 from bpn_dashboard.series.downsample import NO_BUCKETS, Buckets, Floats, bucket_width, bucketize
@@ -18,6 +21,8 @@ Axis = Literal["iteration", "wall_s", "transitions"]
 
 _AXIS_METRIC: Mapping[str, str] = {"wall_s": "time_unix_s", "transitions": "transitions"}
 """The metric that says, at the same iteration, where a point stands on the axis."""
+_REMEMBERED = 512
+"""Series, of at most 4000 buckets of 64 bytes each."""
 
 
 @dataclass(frozen=True)
@@ -54,13 +59,88 @@ class Series:
     curve: Curve
 
 
-def query(session: Session, run_ids: Sequence[str], metric: str, view: View) -> Series:
-    """The curve of a group of runs. The runs' order does not matter, nor does any other group."""
-    rows = store.metrics_of(session, sorted(set(run_ids)), [metric])
+@dataclass(frozen=True)
+class Ends:
+    """The largest and the newest value of a series."""
+
+    best: float
+    last: float
+
+
+class SeriesQueries:
+    """Answers queries, from any thread; remembers the newest answers for as long as they are true."""
+
+    def __init__(self, database: Database) -> None:
+        self._database = database
+        self._lock = threading.Lock()
+        self._known: OrderedDict[Hashable, Series] = OrderedDict()
+
+    def query(
+        self, groups: Sequence[Sequence[str]], metrics: Sequence[str], view: View
+    ) -> list[Series]:
+        """For every group of runs and every metric the curve, in this order."""
+        with self._database.reading() as session:
+            return [
+                self._one(session, run_ids, metric, view)
+                for run_ids in groups
+                for metric in metrics
+            ]
+
+    def names(self, run_id: str) -> list[tuple[str, int]]:
+        """The metrics of a run, with how many points each has."""
+        with self._database.reading() as session:
+            return [(row.name, row.n) for row in store.metrics_of(session, [run_id])]
+
+    def points(self, run_id: str, metrics: Sequence[str]) -> dict[str, Points]:
+        """All points of those of the metrics that the run has."""
+        with self._database.reading() as session:
+            rows = store.metrics_of(session, [run_id], metrics)
+            found = store.read_points(session, [row.id for row in rows], 0, MAX_ITERATION)
+        return {row.name: found[row.id] for row in rows if row.id in found}
+
+    def ends(self, run_ids: Sequence[str], metric: str) -> dict[str, Ends]:
+        """For each run that has the metric, where it ended up."""
+        with self._database.reading() as session:
+            rows = store.metrics_of(session, run_ids, [metric])
+            found = store.read_rollups(session, [row.id for row in rows], 0, MAX_ITERATION)
+        return {
+            row.run_id: Ends(best=float(part.max.max()), last=float(part.last[-1]))
+            for row in rows
+            if len((part := found.get(row.id, NO_BUCKETS)).x)
+        }
+
+    def revision(self) -> int:
+        """Grows with every point of any run."""
+        with self._database.reading() as session:
+            return store.newest_revision(session)
+
+    def _one(self, session: Session, run_ids: Sequence[str], metric: str, view: View) -> Series:
+        rows = store.metrics_of(session, sorted(set(run_ids)), [metric])
+        axes = (
+            store.metrics_of(session, [row.run_id for row in rows], [_AXIS_METRIC[view.axis]])
+            if view.axis != "iteration"
+            else []
+        )
+        key = metric, view, tuple((row.id, row.revision) for row in (*rows, *axes))
+        with self._lock:
+            if (known := self._known.get(key)) is not None:
+                self._known.move_to_end(key)
+                return known
+        series = _series(session, rows, axes, metric, view)
+        with self._lock:
+            self._known[key] = series
+            while len(self._known) > _REMEMBERED:
+                self._known.popitem(last=False)
+        return series
+
+
+def _series(
+    session: Session, rows: Sequence[MetricRow], axes: Sequence[MetricRow], metric: str, view: View
+) -> Series:
     if view.axis == "iteration":
         parts, width = _by_iteration(session, rows, view)
     else:
-        parts, width = _by_other_axis(session, rows, view)
+        parts, width = _by_other_axis(session, rows, axes, view)
     return Series(
         metric=metric,
         run_ids=[row.run_id for row, part in zip(rows, parts, strict=True) if len(part.x)],
@@ -91,9 +171,8 @@ def _by_iteration(
 
 
 def _by_other_axis(
-    session: Session, rows: Sequence[MetricRow], view: View
+    session: Session, rows: Sequence[MetricRow], axes: Sequence[MetricRow], view: View
 ) -> tuple[list[Buckets], float]:
-    axes = store.metrics_of(session, [row.run_id for row in rows], [_AXIS_METRIC[view.axis]])
     ids = [row.id for row in (*rows, *axes)]
     found = store.read_points(session, ids, 0, MAX_ITERATION)
     axis_of = {row.run_id: found.get(row.id, NO_POINTS) for row in axes}
