@@ -145,10 +145,10 @@ class LeaseBook:
         if now_s < self._quiet_until_s:
             return None
         candidates = sorted(self._vacant(role), key=lambda p: self._urgency(p, label, now_s))
-        place = next(filter(admit, candidates), None)
-        if place is not None:
-            self._leases[place] = Lease(worker, now_s, confirmed=False)
-        return place
+        granted = next(filter(admit, candidates), None)
+        if granted is not None:
+            self._leases[granted] = Lease(worker, now_s, confirmed=False)
+        return granted
 
     def expire(self, now_s: float) -> None:
         """Drops grants that no token followed in time."""
