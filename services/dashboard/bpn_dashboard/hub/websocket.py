@@ -24,7 +24,7 @@ UVICORN_OPTIONS: dict[str, Any] = {
 }
 """What uvicorn has to be told for this route."""
 
-CLOSE_PROTOCOL, CLOSE_NO_SESSION, CLOSE_FULL = 4400, 4401, 4429
+CLOSE_PROTOCOL, CLOSE_NO_SESSION, CLOSE_FULL, CLOSE_NO_BUS = 4400, 4401, 4429, 4503
 _HELLO_DEADLINE_S = 10.0
 _SEND_DEADLINE_S = 60.0
 _CLOSE_DEADLINE_S = 1.0
@@ -44,8 +44,8 @@ class _CloseError(Exception):
         self.code, self.reason = code, reason
 
 
-def live_route(hub: Callable[[], Hub], may_watch: MayWatch) -> APIRouter:
-    """The route, for a hub that exists once the application has started."""
+def live_route(hub: Callable[[], Hub | None], may_watch: MayWatch) -> APIRouter:
+    """The route, for a hub that exists once the message bus is reached."""
     router = APIRouter()
 
     @router.websocket(PATH)
@@ -56,7 +56,10 @@ def live_route(hub: Callable[[], Hub], may_watch: MayWatch) -> APIRouter:
         await websocket.accept()
         try:
             _require(allowed)
-            await _serve(websocket, hub(), may_watch)
+            running = hub()
+            if running is None:
+                raise _CloseError(CLOSE_NO_BUS, "the message bus is not reached yet; try again")
+            await _serve(websocket, running, may_watch)
         except WebSocketDisconnect:
             pass
         except _CloseError as error:
