@@ -24,7 +24,7 @@ UVICORN_OPTIONS: dict[str, Any] = {
 }
 """What uvicorn has to be told for this route."""
 
-CLOSE_PROTOCOL, CLOSE_NO_SESSION, CLOSE_FULL = 4400, 4401, 4429
+CLOSE_PROTOCOL, CLOSE_NO_SESSION, CLOSE_FULL, CLOSE_NO_BUS = 4400, 4401, 4429, 4503
 _HELLO_DEADLINE_S = 10.0
 _SEND_DEADLINE_S = 60.0
 _CLOSE_DEADLINE_S = 1.0
@@ -45,9 +45,12 @@ class _CloseError(Exception):
 
 
 def live_route(
-    hub: Callable[[], Hub], may_watch: MayWatch, *, session_period_s: float = SESSION_PERIOD_S
+    hub: Callable[[], Hub | None],
+    may_watch: MayWatch,
+    *,
+    session_period_s: float = SESSION_PERIOD_S,
 ) -> APIRouter:
-    """The route, for a hub that exists once the application has started.
+    """The route, for a hub that exists once the message bus is reached.
 
     Args:
         session_period_s: how often `may_watch` is asked again.
@@ -62,7 +65,10 @@ def live_route(
         await websocket.accept()
         try:
             _require(allowed)
-            await _serve(websocket, hub(), may_watch, session_period_s)
+            running = hub()
+            if running is None:
+                raise _CloseError(CLOSE_NO_BUS, "the message bus is not reached yet; try again")
+            await _serve(websocket, running, may_watch, session_period_s)
         except WebSocketDisconnect:
             pass
         except _CloseError as error:
