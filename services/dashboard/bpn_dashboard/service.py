@@ -5,11 +5,10 @@ import asyncio
 import json
 import logging
 import os
-import secrets
 import socket
 import sys
 import threading
-from collections.abc import AsyncIterator, Iterator
+from collections.abc import AsyncIterator, Iterator, Sequence
 from contextlib import ExitStack, asynccontextmanager, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,8 +22,11 @@ from bpn_dashboard.access.guard import is_loopback
 from bpn_dashboard.access.tokens import LINK_S
 from bpn_dashboard.api.app import Application, create_app
 from bpn_dashboard.api.context import Context, identify
+from bpn_dashboard.api.models import Run
 from bpn_dashboard.api.problems import ApiError
 from bpn_dashboard.database.engine import Database, DatabaseError, sqlite_url
+from bpn_dashboard.database.tables import RunRow
+from bpn_dashboard.hub import presence
 from bpn_dashboard.hub.hub import Hub
 from bpn_dashboard.hub.websocket import UVICORN_OPTIONS, live_route
 from bpn_dashboard.registry.store import RunStore
@@ -32,7 +34,7 @@ from bpn_dashboard.series.ingest import Ingest
 from bpn_shared.bus.session import DEFAULT_ENDPOINT, Bus, BusError
 from bpn_shared.config import ConfigError
 from bpn_shared.run_folder import write_atomically
-from bpn_shared.service import Counters, end_with_supervisor, set_up_logging
+from bpn_shared.service import Counters, end_with_supervisor, new_worker_id, set_up_logging
 
 log = logging.getLogger(__name__)
 
@@ -152,9 +154,18 @@ async def _join_bus(
     except BusError as error:
         log.info("%s", error)
         return
-    live.hub = Hub(bus, options.runs_dir, context.counters, secrets.token_hex(8))
+    name = new_worker_id(presence.KIND)
+    live.hub = hub = Hub(bus, options.runs_dir, context.counters, name)
+
+    def publish(rows: Sequence[RunRow]) -> None:
+        for row in rows:
+            hub.publish("runs", Run.of(row).model_dump(mode="json"))
+
+    context.runs.subscribe(publish)
+    present = presence.Presence(bus, name, context.counters)
     await asyncio.to_thread(stop.wait)
-    live.hub.close()
+    hub.close()
+    await asyncio.to_thread(present.close)
     await asyncio.to_thread(bus.close)
 
 
