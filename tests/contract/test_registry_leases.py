@@ -145,8 +145,8 @@ def test_workers_get_the_oldest_run_and_lose_it_when_it_shall_stop(
     folder = registry.store.folder(first.id)
     folder.set_state("running", new_attempt=True)
     assert edge.work(wait_for).run == first.id
-    wait_for(lambda: state_of(registry, first) == "running", "the run to be seen running")
-    assert registry.store.get(first.id).attempt == 1
+    wait_for(lambda: registry.store.get(first.id).attempt == 1, "the attempt to be seen")
+    assert state_of(registry, first) == "running"
 
     registry.store.request_stop(first.id, "test")
     assert state_of(registry, first) == "stopping"
