@@ -27,6 +27,7 @@ from bpn_dashboard.api.problems import ApiError
 from bpn_dashboard.database.engine import Database, DatabaseError, sqlite_url
 from bpn_dashboard.hub.hub import Hub
 from bpn_dashboard.hub.websocket import UVICORN_OPTIONS, live_route
+from bpn_dashboard.registry.dispatcher import Dispatcher
 from bpn_dashboard.registry.store import RunStore
 from bpn_dashboard.series.ingest import Ingest
 from bpn_shared.bus.session import DEFAULT_ENDPOINT, Bus, BusError
@@ -153,7 +154,10 @@ async def _join_bus(
         log.info("%s", error)
         return
     live.hub = Hub(bus, options.runs_dir, context.counters, secrets.token_hex(8))
+    dispatcher = Dispatcher(bus, context.runs, context.counters)
+    await asyncio.to_thread(dispatcher.start)
     await asyncio.to_thread(stop.wait)
+    await asyncio.to_thread(dispatcher.close)
     live.hub.close()
     await asyncio.to_thread(bus.close)
 
