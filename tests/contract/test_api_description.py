@@ -9,6 +9,7 @@ import schemathesis
 from hypothesis import HealthCheck, Phase
 from hypothesis import strategies as st
 from schemathesis import GenerationMode
+from schemathesis.specs.openapi.checks import positive_data_acceptance
 
 from bpn_dashboard.access.tokens import Tokens
 from bpn_dashboard.api.app import create_app
@@ -28,6 +29,17 @@ OPERATIONS = [
     for path, methods in json.loads(COMMITTED.read_text())["paths"].items()
     for method in methods
 ]
+
+MORE_THAN_A_SCHEMA = {
+    "GET /api/v1/audit",  # cursors are authenticated
+    "GET /api/v1/heatmap",  # config.KEY must be a value of that key
+    "GET /api/v1/runs",
+    "GET /api/v1/runs/{run_id}/logs",
+    "GET /api/v1/sweeps",
+    "POST /api/v1/series/query",  # either runs or filter
+    "POST /api/v1/sweeps",  # at most so many runs, and seed not in both grid and seeds
+}
+"""What they refuse with 422 although a JSON schema cannot say it."""
 
 
 @pytest.fixture(scope="module")
@@ -62,6 +74,7 @@ def test_every_operation_keeps_its_promises(api, label) -> None:
     headers = {"Authorization": f"Bearer {token}", "Host": "localhost"}
 
     values = operation.body or operation.path_parameters or operation.query
+    excluded = [positive_data_acceptance] if label in MORE_THAN_A_SCHEMA else []
     modes = list(GenerationMode) if values else [GenerationMode.POSITIVE]
 
     @hypothesis.settings(
@@ -72,7 +85,7 @@ def test_every_operation_keeps_its_promises(api, label) -> None:
     )
     @hypothesis.given(st.one_of([operation.as_strategy(generation_mode=m) for m in modes]))
     def call(case) -> None:
-        case.call_and_validate(headers=headers)
+        case.call_and_validate(headers=headers, excluded_checks=excluded)
 
     call()
 
