@@ -77,6 +77,11 @@ def argument_parser() -> argparse.ArgumentParser:
     return parser
 
 
+def database_url(options: argparse.Namespace) -> str:
+    """The database that the options name, or the one in the runs folder."""
+    return options.database or sqlite_url(options.runs_dir / ".dashboard.sqlite")
+
+
 def check_options(options: argparse.Namespace) -> None:
     """Refuses what would let others listen in.
 
@@ -181,7 +186,7 @@ def main(argv: list[str] | None = None) -> int:
         check_options(options)
         listener = _listen(options.host, options.port)
         options.runs_dir.mkdir(parents=True, exist_ok=True)
-        database = Database(options.database or sqlite_url(options.runs_dir / ".dashboard.sqlite"))
+        database = Database(database_url(options))
     except (ConfigError, DatabaseError) as error:
         log.error("%s", error)
         return 2
