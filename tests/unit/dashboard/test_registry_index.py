@@ -101,7 +101,8 @@ def test_a_lost_database_is_rebuilt_from_the_folders(tmp_path: Path, capsys: Any
     store = RunStore(database, runs_dir)
     assert all_rows(store) == before
     assert store.sweep_states([sweep.id]) == {sweep.id: {"queued": 4}}
-    assert store.look_around() == []  # nothing is news
+    store.adopt()
+    assert store.changed_folders() == []  # nothing is news
     database.close()
 
 
@@ -126,16 +127,16 @@ def test_what_cannot_be_read_is_named_and_what_is_gone_goes(tmp_path: Path, caps
 
 def test_folders_of_other_programs_are_taken_in_and_watched(store: RunStore) -> None:
     folder = RunFolder.create(store.runs_dir, UUID(int=7), CONFIG)
-    store.look_around()
+    store.adopt()
     (row,) = store.find()
     assert (row.id, row.state, row.desired_state) == (str(folder.run), "stopped", "stopped")
     assert row.name == "reaching bpn seed 3"
-    assert store.look_around() == []
+    assert store.changed_folders() == []
     folder.set_state("running", new_attempt=True)
-    assert [changed.id for changed in store.look_around()] == [row.id]
+    assert [changed.id for changed in store.changed_folders()] == [row.id]
     RunFolder.create(store.runs_dir, UUID(int=8), CONFIG)
     (store.runs_dir / str(UUID(int=8)) / "config.json").write_text("{")
-    store.look_around()
+    store.adopt()
     assert len(store.find()) == 1
 
 
