@@ -5,7 +5,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.installed
 PIP_INSTALL := $(BIN)/python -W ignore -m pip install --disable-pip-version-check -q -c constraints.txt
-PACKAGES := shared services/edge services/learner services/robot_sim deploy/local
+PACKAGES := shared services/edge services/learner services/robot_sim services/dashboard deploy/local
 SOURCES := $(PACKAGES:%=%/bpn*)
 
 .DEFAULT_GOAL := help
@@ -14,7 +14,7 @@ SOURCES := $(PACKAGES:%=%/bpn*)
 help:            ## this list
 	@grep -hE '^[a-z-]+: .*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 17
 
-up: $(INSTALLED) ## start everything with the default run
+up: $(INSTALLED) ## start the dashboard and workers, with a first run
 	$(BIN)/bpn up
 
 test: lint       ## lint, then every test that takes seconds, then those that take minutes
@@ -23,17 +23,18 @@ test: lint       ## lint, then every test that takes seconds, then those that ta
 lint: $(INSTALLED) ## ruff, mypy --strict, import-linter
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
-	$(BIN)/mypy -p bpn_shared -p bpn_edge -p bpn_learner -p bpn_robot_sim -p bpn
+	$(BIN)/mypy -p bpn_shared -p bpn_edge -p bpn_learner -p bpn_robot_sim -p bpn_dashboard -p bpn
 	$(BIN)/lint-imports --no-logo
 
 format: $(INSTALLED) ## write code as ruff wants it
 	$(BIN)/ruff check --fix .
 	$(BIN)/ruff format .
 
-bench: $(INSTALLED) ## kernel, learner and loop, side by side with what they are measured against
+bench: $(INSTALLED) ## kernel, learner, loop and dashboard, side by side with what they are measured against
 	$(BIN)/bpn bench kernel
 	$(BIN)/bpn bench learner
 	$(BIN)/bpn bench loop
+	$(BIN)/bpn bench dashboard
 
 TARGETS := inference reaching latency tracking pan-tilt heatmap
 JOBS ?= 1

@@ -35,8 +35,12 @@ class WeightMemory:
         self.weights: Weights | None = None
         """What the active bank holds."""
 
-    def offer(self, weights: Weights) -> None:
-        """Loads a policy into the idle bank and verifies the bank; one that fails is not used."""
+    def offer(self, weights: Weights) -> bool:
+        """Loads a policy into the idle bank and verifies the bank.
+
+        Returns:
+            False if the bank failed the verification; it is not used.
+        """
         with self._changed:
             try:
                 self._idle.load(weights)
@@ -46,9 +50,10 @@ class WeightMemory:
                 self._counters.refuse(
                     "weights_failed_verification", f"version {weights.version} is not used: {error}"
                 )
-                return
+                return False
             self._offered = weights
             self._changed.notify_all()
+            return True
 
     def activate(self, version: int, timeout_s: float) -> bool:
         """Makes `version` the running one, by swapping banks if need be.

@@ -5,10 +5,13 @@ import logging
 import sys
 import threading
 import time
+from collections.abc import Callable
 from types import TracebackType
 from typing import Self
 
 import zenoh
+
+from bpn_shared.bus.traffic import Traffic
 
 log = logging.getLogger(__name__)
 
@@ -53,6 +56,7 @@ class Bus:
         endpoint: the router's Zenoh endpoint, such as "tcp/127.0.0.1:7447".
         deadline_s: how long to wait for the router.
         stop: when set, waiting ends.
+        traffic: where to count what is sent and received, if another session counts there too.
 
     Raises:
         BusError: no router at the endpoint within the deadline, or `stop` was set.
@@ -64,11 +68,14 @@ class Bus:
         *,
         deadline_s: float = OPEN_DEADLINE_S,
         stop: threading.Event | None = None,
+        traffic: Traffic | None = None,
     ) -> None:
         # A thread that computes holds the GIL for 5 ms by default, and every message waits that long.
         sys.setswitchinterval(0.0005)
         zenoh.init_log_from_env_or("off")  # peers come and go here; what matters is logged by us
         self.endpoint = endpoint
+        self._ends: list[Callable[[], None]] = []
+        self.traffic = traffic or Traffic()
         self.zenoh = _open(endpoint, deadline_s, stop or threading.Event())
 
     def __enter__(self) -> Self:
@@ -82,8 +89,14 @@ class Bus:
     ) -> None:
         self.close()
 
+    def before_close(self, end: Callable[[], None]) -> None:
+        """Has `end` called before the session ends: for threads that use it."""
+        self._ends.append(end)
+
     def close(self) -> None:
         """Ends the session; its declarations and tokens go with it."""
+        for end in self._ends:
+            end()
         try:
             self.zenoh.close()  # type: ignore[no-untyped-call]
         except zenoh.ZError as error:  # seen under packet loss; the session is gone all the same
@@ -92,7 +105,12 @@ class Bus:
     @property
     def connected(self) -> bool:
         """Whether the router is reached now."""
-        return bool(self.zenoh.info.routers_zid())
+        return bool(self.router)
+
+    @property
+    def router(self) -> str:
+        """Names the router that is reached now, another one after its restart; empty: none is."""
+        return " ".join(str(router) for router in self.zenoh.info.routers_zid())
 
 
 def _open(endpoint: str, deadline_s: float, stop: threading.Event) -> zenoh.Session:
