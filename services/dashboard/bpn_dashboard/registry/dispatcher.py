@@ -189,9 +189,10 @@ class Dispatcher:
                     seen[run_id] = columns
         if seen:
             self._rows |= {row.id: row for row in self._store.observe(seen)}
-        for run_id in [run_id for run_id, row in self._rows.items() if row.state in OVER]:
-            self._forget(run_id)
-        self._demand()
+        if changed or seen:
+            for run_id in [run_id for run_id, row in self._rows.items() if row.state in OVER]:
+                self._forget(run_id)
+            self._demand()
 
     def _forget(self, run_id: str) -> None:
         del self._rows[run_id]
@@ -226,6 +227,7 @@ class Dispatcher:
             reason = self._crash_loops.died(lost.run, lost.worker, row.iteration)
             if reason is not None:
                 self._given_up[row.id] = reason
+                self._demand()
 
     def _release(self, now_s: float) -> None:
         with self._lock:
