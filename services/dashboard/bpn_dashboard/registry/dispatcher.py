@@ -6,7 +6,7 @@ Nothing here must survive: what is wanted stands in the database, who works wher
 import logging
 import threading
 import time
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 from uuid import UUID
 
@@ -104,7 +104,7 @@ class Dispatcher:
 
     def _take_changes(self, rows: Sequence[RunRow]) -> None:
         with self._lock:
-            self._changed.update((row.id, row) for row in rows)
+            _keep_newest(self._changed, rows)
         self._news.set()
 
     def _on_worker(self, key: str, appeared: bool) -> None:
@@ -195,7 +195,7 @@ class Dispatcher:
                 run_id for run_id in held
                 if self._book.is_confirmed(Place(UUID(run_id), "learner", 0))
             }  # fmt: skip
-        self._rows |= changed
+        _keep_newest(self._rows, changed.values())
         busy = {run_id for run_id, row in self._rows.items() if is_busy(row.state)}
         seen = {}
         for run_id in changed.keys() | held | busy | self._given_up.keys():
@@ -206,7 +206,7 @@ class Dispatcher:
                 if any(getattr(row, key) != value for key, value in columns.items()):
                     seen[run_id] = columns
         if seen:
-            self._rows |= {row.id: row for row in self._store.observe(seen)}
+            _keep_newest(self._rows, self._store.observe(seen))
         if changed or seen:
             for run_id in [run_id for run_id, row in self._rows.items() if row.state in OVER]:
                 self._forget(run_id)
@@ -270,3 +270,10 @@ class Dispatcher:
         if row.desired_state == "stopped":
             return "the run shall stop"
         return self._given_up.get(row.id, "it is needed elsewhere")
+
+
+def _keep_newest(known: dict[str, RunRow], rows: Iterable[RunRow]) -> None:
+    """Takes rows in, but none in place of one with later wishes: threads may tell in another order."""
+    for row in rows:
+        if row.id not in known or known[row.id].rev <= row.rev:
+            known[row.id] = row
