@@ -44,11 +44,10 @@ class Dashboard:
         """The dashboard of a runs folder; None if none runs."""
         try:
             address = json.loads((runs_dir / ADDRESS_FILE).read_bytes())
-            found = cls(address["url"], address["token"], address["endpoint"])
-            found._http.get("/healthz", timeout=_FIND_TIMEOUT_S).raise_for_status()
+            httpx.get(f"{address['url']}/healthz", timeout=_FIND_TIMEOUT_S).raise_for_status()
+            return cls(address["url"], address["token"], address["endpoint"])
         except (OSError, ValueError, KeyError, httpx.HTTPError):
             return None
-        return found
 
     def run_count(self) -> int:
         """How many runs there are, archived ones too."""
