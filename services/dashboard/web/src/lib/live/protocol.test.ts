@@ -42,9 +42,14 @@ test.each([
   expect(() => decodeFrame(data)).toThrow(ProtocolError);
 });
 
-test.each(['', '[]', '"text"', 'null', '{"op":"shout"}', '{"op":"gap","id":1}', '{"op":"welcome"}'])(
-  'refuses %s',
-  (text) => {
-    expect(() => parseServerMessage(text)).toThrow(ProtocolError);
-  },
-);
+test.each([
+  '',
+  '[]',
+  '"text"',
+  'null',
+  '{"op":"shout"}',
+  '{"op":"gap","id":1}',
+  '{"op":"welcome"}',
+])('refuses %s', (text) => {
+  expect(() => parseServerMessage(text)).toThrow(ProtocolError);
+});

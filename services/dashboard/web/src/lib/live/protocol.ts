@@ -85,7 +85,9 @@ export function parseServerMessage(text: string): ServerMessage {
 function required(fields: Record<string, unknown>, name: string, type: string): unknown {
   const value = fields[name];
   if (typeof value !== type) {
-    throw new ProtocolError(`${String(fields.op)}: ${name} is ${JSON.stringify(value)}, not a ${type}`);
+    throw new ProtocolError(
+      `${String(fields.op)}: ${name} is ${JSON.stringify(value)}, not a ${type}`,
+    );
   }
   return value;
 }

@@ -30,7 +30,9 @@ export function advance(playback: Playback, elapsedS: number): Playback {
   if (!playback.playing) return playback;
   const position = playback.position + elapsedS * playback.framesPerSecond * playback.speed;
   const last = playback.frames - 1;
-  return position >= last ? { ...playback, position: last, playing: false } : { ...playback, position };
+  return position >= last
+    ? { ...playback, position: last, playing: false }
+    : { ...playback, position };
 }
 
 /** Plays, from the start if it stood at the end; or pauses on the frame that is shown. */

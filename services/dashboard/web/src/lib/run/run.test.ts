@@ -1,10 +1,21 @@
 import { expect, test } from 'vitest';
-import { advance, changeSpeed, currentFrame, newPlayback, seek, SPEEDS, step, toggle } from './playback';
+import {
+  advance,
+  changeSpeed,
+  currentFrame,
+  newPlayback,
+  seek,
+  SPEEDS,
+  step,
+  toggle,
+} from './playback';
 import { softmax } from './policy';
 import { append, matches, type LogLine } from './tail';
 
 test('the policy is the softmax of beta P, whatever is added to P', () => {
-  expect(softmax([Math.log(1), Math.log(3)], 1)).toEqual([0.25, 0.75].map((p) => expect.closeTo(p)));
+  expect(softmax([Math.log(1), Math.log(3)], 1)).toEqual(
+    [0.25, 0.75].map((p) => expect.closeTo(p)),
+  );
   expect(softmax([1000, 1000 + Math.log(3)], 1)[1]).toBeCloseTo(0.75);
   expect(softmax([0, Math.log(3)], 2)[1]).toBeCloseTo(0.9);
 });

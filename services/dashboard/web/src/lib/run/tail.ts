@@ -23,9 +23,7 @@ export const LEVELS = ['DEBUG', 'INFO', 'WARNING', 'ERROR', 'CRITICAL'] as const
 export function matches(line: LogLine, filter: LogFilter): boolean {
   if (filter.service !== '' && line.service !== filter.service) return false;
   if (filter.level !== '' && severity(line.level) < severity(filter.level)) return false;
-  return (
-    filter.search === '' || line.message.toLowerCase().includes(filter.search.toLowerCase())
-  );
+  return filter.search === '' || line.message.toLowerCase().includes(filter.search.toLowerCase());
 }
 
 function severity(level: string): number {
