@@ -9,7 +9,7 @@ import secrets
 import socket
 import sys
 import threading
-from collections.abc import AsyncIterator, Iterator
+from collections.abc import AsyncIterator, Iterator, Sequence
 from contextlib import ExitStack, asynccontextmanager, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,10 +23,13 @@ from bpn_dashboard.access.guard import is_loopback
 from bpn_dashboard.access.tokens import LINK_S
 from bpn_dashboard.api.app import Application, create_app
 from bpn_dashboard.api.context import Context, identify
+from bpn_dashboard.api.models import Run
 from bpn_dashboard.api.problems import ApiError
 from bpn_dashboard.database.engine import Database, DatabaseError, sqlite_url
+from bpn_dashboard.database.tables import RunRow
 from bpn_dashboard.hub.hub import Hub
 from bpn_dashboard.hub.websocket import UVICORN_OPTIONS, live_route
+from bpn_dashboard.registry.dispatcher import Dispatcher
 from bpn_dashboard.registry.store import RunStore
 from bpn_dashboard.series.ingest import Ingest
 from bpn_shared.bus.session import DEFAULT_ENDPOINT, Bus, BusError
@@ -123,6 +126,7 @@ def build(options: argparse.Namespace, database: Database) -> tuple[Application,
     @asynccontextmanager
     async def lifespan(_app: FastAPI) -> AsyncIterator[None]:
         stop = threading.Event()
+        await asyncio.to_thread(runs.look_around)  # whether the bus is reached or not
         context.ingest.start()
         joining = asyncio.create_task(_join_bus(options, context, live, stop))
         try:
@@ -152,9 +156,18 @@ async def _join_bus(
     except BusError as error:
         log.info("%s", error)
         return
-    live.hub = Hub(bus, options.runs_dir, context.counters, secrets.token_hex(8))
+    hub = live.hub = Hub(bus, options.runs_dir, context.counters, secrets.token_hex(8))
+
+    def publish(rows: Sequence[RunRow]) -> None:
+        for row in rows:
+            hub.publish("runs", Run.of(row).model_dump())
+
+    context.runs.subscribe(publish)
+    dispatcher = Dispatcher(bus, context.runs, context.counters)
+    await asyncio.to_thread(dispatcher.start)
     await asyncio.to_thread(stop.wait)
-    live.hub.close()
+    await asyncio.to_thread(dispatcher.close)
+    hub.close()
     await asyncio.to_thread(bus.close)
 
 
