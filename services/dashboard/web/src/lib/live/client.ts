@@ -38,6 +38,8 @@ export interface TopicHandlers {
   /** Messages are missing; null: nobody knows how many, because the server was restarted. */
   onGap?(missed: number | null): void
   onError?(title: string): void
+  /** The connection stands again: what was asked by REST meanwhile may have failed. */
+  onReconnected?(): void
 }
 
 export interface LiveStatistics {
@@ -223,7 +225,8 @@ export class LiveClient {
   }
 
   private welcome(server: string): void {
-    const restarted = this.server !== null && this.server !== server
+    const again = this.server !== null
+    const restarted = again && this.server !== server
     this.server = server
     this.attempt = 0
     this.statistics.connections += 1
@@ -234,6 +237,7 @@ export class LiveClient {
         this.gap(topic, null)
       }
       this.sendSubscription(id)
+      if (again) topic.onReconnected?.()
     }
     this.ping()
   }
