@@ -1,66 +1,66 @@
 /** What is recorded about a run beside its metrics: artefacts, episodes, logs. */
 
-import type { ApiClient } from './client'
+import type { ApiClient } from './client';
 
-export type ArtefactKind = 'weights' | 'checkpoint' | 'config' | 'log' | 'onnx'
+export type ArtefactKind = 'weights' | 'checkpoint' | 'config' | 'log' | 'onnx';
 
 export interface Artefact {
-  id: string
-  kind: ArtefactKind
-  name: string
-  version: number | null
-  size_bytes: number
-  sha256: string
-  created_at_unix_s: number
+  id: string;
+  kind: ArtefactKind;
+  name: string;
+  version: number | null;
+  size_bytes: number;
+  sha256: string;
+  created_at_unix_s: number;
 }
 
 export interface EpisodeRow {
-  iteration: number
-  episode: number
-  steps: number
-  return_px: number | null
-  weights_version: number
-  slot: number
-  worker: string
+  iteration: number;
+  episode: number;
+  steps: number;
+  return_px: number | null;
+  weights_version: number;
+  slot: number;
+  worker: string;
 }
 
 export interface EpisodeDetail {
   /** T: there are T + 1 frames, and T of everything else. */
-  steps: number
-  actions: number[]
-  action_names: string[]
-  outputs: number[][]
-  preferences: number[][]
-  rewards_px: number[] | null
-  weights_version: number
-  scale: number
-  camera_to_action_us: number[]
-  inference_us: number[]
+  steps: number;
+  actions: number[];
+  action_names: string[];
+  outputs: number[][];
+  preferences: number[][];
+  rewards_px: number[] | null;
+  weights_version: number;
+  scale: number;
+  camera_to_action_us: number[];
+  inference_us: number[];
 }
 
 /** Frames of an episode, uint8[count, channels, height, width], each once. */
 export interface EpisodeFrames {
-  pixels: Uint8Array<ArrayBuffer>
-  count: number
-  channels: number
-  heightPx: number
-  widthPx: number
+  pixels: Uint8Array<ArrayBuffer>;
+  count: number;
+  channels: number;
+  heightPx: number;
+  widthPx: number;
 }
 
 export interface LogRecord {
-  id: string
-  time_unix_s: number | null
-  level: string
-  service: string
-  message: string
+  id: string;
+  time_unix_s: number | null;
+  level: string;
+  service: string;
+  message: string;
 }
 
 export interface LogQuery {
-  service?: string
-  level?: string
-  search?: string
-  cursor?: string
-  limit?: number
+  service?: string;
+  level?: string;
+  search?: string;
+  cursor?: string;
+  limit?: number;
 }
 
 /** The calls for one run. */
@@ -71,37 +71,40 @@ export class RunRecords {
   ) {}
 
   artefacts(signal?: AbortSignal): Promise<{ items: Artefact[] }> {
-    return this.api.get(`/runs/${this.run}/artefacts`, undefined, signal)
+    return this.api.get(`/runs/${this.run}/artefacts`, undefined, signal);
   }
 
   episodes(iteration: number, signal?: AbortSignal): Promise<{ items: EpisodeRow[] }> {
-    return this.api.get(`/runs/${this.run}/episodes`, { iteration }, signal)
+    return this.api.get(`/runs/${this.run}/episodes`, { iteration }, signal);
   }
 
   episode(iteration: number, episode: number, signal?: AbortSignal): Promise<EpisodeDetail> {
-    return this.api.get(`/runs/${this.run}/episodes/${iteration}/${episode}`, undefined, signal)
+    return this.api.get(`/runs/${this.run}/episodes/${iteration}/${episode}`, undefined, signal);
   }
 
   async frames(iteration: number, episode: number, signal: AbortSignal): Promise<EpisodeFrames> {
-    const path = `/runs/${this.run}/episodes/${iteration}/${episode}/frames`
+    const path = `/runs/${this.run}/episodes/${iteration}/${episode}/frames`;
     const response = await this.api.request('GET', path, {
       headers: { Accept: 'application/octet-stream' },
       signal,
-    })
-    return readFrames(response.headers.get('X-Frames-Shape') ?? '', await response.arrayBuffer())
+    });
+    return readFrames(response.headers.get('X-Frames-Shape') ?? '', await response.arrayBuffer());
   }
 
-  logs(query: LogQuery, signal?: AbortSignal): Promise<{ items: LogRecord[]; next_cursor: string | null }> {
-    return this.api.get(`/runs/${this.run}/logs`, { ...query }, signal)
+  logs(
+    query: LogQuery,
+    signal?: AbortSignal,
+  ): Promise<{ items: LogRecord[]; next_cursor: string | null }> {
+    return this.api.get(`/runs/${this.run}/logs`, { ...query }, signal);
   }
 }
 
 /** Frames with their shape as the header says it, "21,1,84,84". Throws RangeError if the bytes do not fit it. */
 export function readFrames(shape: string, data: ArrayBuffer): EpisodeFrames {
-  const sizes = shape.split(/[\s,x]+/).map(Number)
-  const [count = 0, channels = 0, heightPx = 0, widthPx = 0] = sizes
+  const sizes = shape.split(/[\s,x]+/).map(Number);
+  const [count = 0, channels = 0, heightPx = 0, widthPx = 0] = sizes;
   if (sizes.length !== 4 || data.byteLength !== count * channels * heightPx * widthPx) {
-    throw new RangeError(`${data.byteLength} bytes of frames do not have the shape "${shape}"`)
+    throw new RangeError(`${data.byteLength} bytes of frames do not have the shape "${shape}"`);
   }
-  return { pixels: new Uint8Array(data), count, channels, heightPx, widthPx }
+  return { pixels: new Uint8Array(data), count, channels, heightPx, widthPx };
 }

@@ -7,36 +7,36 @@ export const topics = {
   logs: (run: string) => `logs/${run}`,
   runs: 'runs',
   topology: 'topology',
-} as const
+} as const;
 
 /** What the policy of a slot chose and why. */
 export interface Decision {
-  iteration: number
-  episode: number
-  step: number
-  action: number
+  iteration: number;
+  episode: number;
+  step: number;
+  action: number;
   /** o, one integer per action; P = scale * o. */
-  outputs: number[]
-  scale: number
-  weights_version: number
-  inference_us: number
-  edge_us: number
-  time_unix_s: number
+  outputs: number[];
+  scale: number;
+  weights_version: number;
+  inference_us: number;
+  edge_us: number;
+  time_unix_s: number;
 }
 
 export interface MetricPoint {
-  name: string
-  step: number
-  value: number
-  time_unix_s: number
+  name: string;
+  step: number;
+  value: number;
+  time_unix_s: number;
 }
 
 export interface MetricPoints {
-  points: MetricPoint[]
+  points: MetricPoint[];
 }
 
 /** A run has changed; the rest of its row comes by REST. */
 export interface RunChange {
-  id: string
-  rev: number
+  id: string;
+  rev: number;
 }

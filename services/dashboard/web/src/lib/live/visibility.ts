@@ -5,20 +5,20 @@
 
 /** Calls `onChange` with the present state soon, and at every change, until the returned function is called. */
 export function watchVisible(element: Element, onChange: (visible: boolean) => void): () => void {
-  let onScreen = false
-  let reported: boolean | null = null
+  let onScreen = false;
+  let reported: boolean | null = null;
   const report = () => {
-    const visible = onScreen && !document.hidden
-    if (visible !== reported) onChange((reported = visible))
-  }
+    const visible = onScreen && !document.hidden;
+    if (visible !== reported) onChange((reported = visible));
+  };
   const observer = new IntersectionObserver((entries) => {
-    onScreen = entries.at(-1)?.isIntersecting ?? false
-    report()
-  })
-  observer.observe(element)
-  document.addEventListener('visibilitychange', report)
+    onScreen = entries.at(-1)?.isIntersecting ?? false;
+    report();
+  });
+  observer.observe(element);
+  document.addEventListener('visibilitychange', report);
   return () => {
-    observer.disconnect()
-    document.removeEventListener('visibilitychange', report)
-  }
+    observer.disconnect();
+    document.removeEventListener('visibilitychange', report);
+  };
 }

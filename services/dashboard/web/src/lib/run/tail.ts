@@ -1,34 +1,34 @@
 /** The newest lines of a log, bounded; what arrives while the reader looks at older ones is counted. */
 
-export const LONGEST_TAIL = 10_000
+export const LONGEST_TAIL = 10_000;
 
 export interface LogLine {
   /** `<log>:<byte offset>`: unique in the run. */
-  id: string
-  timeUnixS: number | null
-  level: string
-  service: string
-  message: string
+  id: string;
+  timeUnixS: number | null;
+  level: string;
+  service: string;
+  message: string;
 }
 
 export interface LogFilter {
-  service: string
-  level: string
-  search: string
+  service: string;
+  level: string;
+  search: string;
 }
 
 /** Log levels from least to most severe. */
-export const LEVELS = ['DEBUG', 'INFO', 'WARNING', 'ERROR', 'CRITICAL'] as const
+export const LEVELS = ['DEBUG', 'INFO', 'WARNING', 'ERROR', 'CRITICAL'] as const;
 
 /** Whether a line passes: of this service, at least this level, containing the text (any case). */
 export function matches(line: LogLine, filter: LogFilter): boolean {
-  if (filter.service !== '' && line.service !== filter.service) return false
-  if (filter.level !== '' && severity(line.level) < severity(filter.level)) return false
-  return filter.search === '' || line.message.toLowerCase().includes(filter.search.toLowerCase())
+  if (filter.service !== '' && line.service !== filter.service) return false;
+  if (filter.level !== '' && severity(line.level) < severity(filter.level)) return false;
+  return filter.search === '' || line.message.toLowerCase().includes(filter.search.toLowerCase());
 }
 
 function severity(level: string): number {
-  return LEVELS.indexOf(level as (typeof LEVELS)[number])
+  return LEVELS.indexOf(level as (typeof LEVELS)[number]);
 }
 
 /** Adds the lines that are not there yet, in their order, and drops the oldest beyond the bound. */
@@ -37,6 +37,6 @@ export function append(
   more: readonly LogLine[],
   longest: number = LONGEST_TAIL,
 ): LogLine[] {
-  const known = new Set(lines.map((line) => line.id))
-  return [...lines, ...more.filter((line) => !known.has(line.id))].slice(-longest)
+  const known = new Set(lines.map((line) => line.id));
+  return [...lines, ...more.filter((line) => !known.has(line.id))].slice(-longest);
 }
