@@ -124,6 +124,12 @@ export function dateTime(unixS: MaybeNumber): string {
   });
 }
 
+/** The time of day with milliseconds, in the reader's time zone. */
+export function clockTime(unixS: number): string {
+  const moment = new Date(unixS * 1000);
+  return `${moment.toTimeString().slice(0, 8)}.${String(moment.getMilliseconds()).padStart(3, '0')}`;
+}
+
 /** The end of a run's id: UUIDv7 begin alike when they were made together. */
 export function shortId(id: string): string {
   return id.slice(-8);

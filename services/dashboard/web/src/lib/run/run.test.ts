@@ -11,6 +11,7 @@ import {
 } from './playback';
 import { softmax } from './policy';
 import { append, matches, type LogLine } from './tail';
+import { windowOf } from './window';
 
 test('the policy is the softmax of beta P, whatever is added to P', () => {
   expect(softmax([Math.log(1), Math.log(3)], 1)).toEqual(
@@ -79,4 +80,15 @@ test('a line passes by service, severity and text', () => {
   expect(matches(warning, { ...everything, level: 'INFO' })).toBe(true);
   expect(matches(warning, { ...everything, search: 'frame r' })).toBe(true);
   expect(matches(warning, { ...everything, service: 'learner-0' })).toBe(false);
+});
+
+test('the rows in view are always drawn, and never more than a few screens', () => {
+  for (const count of [0, 1, 30, 10_000]) {
+    for (let top = 0; top <= Math.max(0, count * 20 - 400); top += 133) {
+      const { first, last } = windowOf(count, 20, top, 400);
+      expect(first).toBeLessThanOrEqual(Math.floor(top / 20));
+      expect(last).toBeGreaterThanOrEqual(Math.min(count, Math.ceil((top + 400) / 20)));
+      expect(last - first).toBeLessThan(70);
+    }
+  }
 });
