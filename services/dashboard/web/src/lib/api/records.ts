@@ -2,7 +2,7 @@
 
 import type { ApiClient } from './client';
 
-export type ArtefactKind = 'weights' | 'checkpoint' | 'config' | 'log' | 'onnx';
+export type ArtefactKind = 'weights' | 'checkpoint' | 'config' | 'metrics' | 'log' | 'onnx';
 
 export interface Artefact {
   id: string;
@@ -24,6 +24,14 @@ export interface EpisodeRow {
   worker: string;
 }
 
+/** One iteration's episodes, and which iterations have any. */
+export interface EpisodeList {
+  iteration: number | null;
+  first_iteration: number | null;
+  last_iteration: number | null;
+  items: EpisodeRow[];
+}
+
 export interface EpisodeDetail {
   /** T: there are T + 1 frames, and T of everything else. */
   steps: number;
@@ -34,7 +42,8 @@ export interface EpisodeDetail {
   rewards_px: number[] | null;
   weights_version: number;
   scale: number;
-  camera_to_action_us: number[];
+  /** Null where no action came in time. */
+  camera_to_action_us: (number | null)[];
   inference_us: number[];
 }
 
@@ -74,7 +83,8 @@ export class RunRecords {
     return this.api.get(`/runs/${this.run}/artefacts`, undefined, signal);
   }
 
-  episodes(iteration: number, signal?: AbortSignal): Promise<{ items: EpisodeRow[] }> {
+  /** Of an iteration; null: of the newest that has episodes. */
+  episodes(iteration: number | null, signal?: AbortSignal): Promise<EpisodeList> {
     return this.api.get(`/runs/${this.run}/episodes`, { iteration }, signal);
   }
 

@@ -92,10 +92,20 @@ export interface JsonSchemaProperty {
   exclusiveMaximum?: number;
 }
 
+export interface TaskInfo {
+  name: string;
+  title: string;
+  /** What each action does, by number. */
+  action_names: string[];
+  /** Frames in one observation. */
+  frames_stacked: number;
+  control_period_s: number;
+}
+
 export interface ConfigSchema {
   schema: { properties: Record<string, JsonSchemaProperty> };
   presets: Record<string, Config>;
-  tasks: { name: string; title: string }[];
+  tasks: TaskInfo[];
   defaults: Config;
 }
 
