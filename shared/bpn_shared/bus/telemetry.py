@@ -21,9 +21,7 @@ PERIOD_S = 1.0
 class TelemetryPublisher:
     """Sends a service's report every second until its session ends."""
 
-    def __init__(
-        self, bus: Bus, kind: str, worker: str, report: Callable[[], Telemetry]
-    ) -> None:
+    def __init__(self, bus: Bus, kind: str, worker: str, report: Callable[[], Telemetry]) -> None:
         self._report = report
         self._closed = threading.Event()
         self._publisher = bus.zenoh.declare_publisher(

@@ -115,9 +115,7 @@ def _configure_sqlite(engine: Engine) -> None:
     journal = "DELETE" if is_on_network(path) else "WAL"  # WAL needs memory shared by all its users
 
     def connected(raw: sqlite3.Connection, _entry: ConnectionPoolEntry) -> None:
-        raw.isolation_level = (
-            None  # transactions begin where SQLAlchemy says so, not at some statement
-        )
+        raw.isolation_level = None  # transactions begin where SQLAlchemy says
         for pragma in (
             f"busy_timeout = {_BUSY_TIMEOUT_MS}",
             f"journal_mode = {journal}",
@@ -138,7 +136,7 @@ def is_on_network(path: Path) -> bool:
     mounts = {part.mountpoint: part.fstype for part in psutil.disk_partitions(all=True)}
     for folder in path.parents:
         if (kind := mounts.get(str(folder))) is not None:
-            return kind.startswith(_NETWORK_FILE_SYSTEMS)
+            return str(kind).startswith(_NETWORK_FILE_SYSTEMS)
     return False
 
 

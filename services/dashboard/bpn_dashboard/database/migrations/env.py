@@ -1,6 +1,8 @@
 """What Alembic runs: the migrations, on the connection that `Database` gives, in one transaction."""
 
 from alembic import context
+
+from bpn_dashboard.database import access_tables, series_tables  # noqa: F401 - into the metadata
 from bpn_dashboard.database.tables import Base
 
 context.configure(
