@@ -46,6 +46,11 @@ def metrics(run: UUID, kind: str, worker: str) -> str:
     return f"bpn/{run}/metrics/{kind}/{worker}"
 
 
+def log(run: UUID, service: str) -> str:
+    """Where a leased worker sends its log lines, for the run's learner to keep in the run folder."""
+    return f"bpn/{run}/log/{service}"
+
+
 def telemetry(kind: str, worker: str) -> str:
     """Where a service tells once a second how it is."""
     return f"bpn/telemetry/{kind}/{worker}"
@@ -59,3 +64,18 @@ def health(kind: str, worker: str) -> str:
 def live(kind: str, worker: str) -> str:
     """Liveliness token of a worker."""
     return f"bpn/live/{kind}/{worker}"
+
+
+def lease_request() -> str:
+    """Where the registry gives idle workers work."""
+    return "bpn/registry/lease"
+
+
+def lease(run: UUID | str, role: str, slot: int | str, worker: str) -> str:
+    """Liveliness token of a worker at a place: what the registry knows of leases."""
+    return f"bpn/lease/{run}/{role}/{slot}/{worker}"
+
+
+def control(kind: str, worker: str) -> str:
+    """Where a leased worker is told to let go."""
+    return f"bpn/control/{kind}/{worker}"
