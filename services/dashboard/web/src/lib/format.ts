@@ -66,6 +66,13 @@ export function percent(value: MaybeNumber, digits = 3): string {
   return isMissing(value) ? MISSING : withUnit(number(value * 100, digits), '%');
 }
 
+/** A probability as percent with one decimal, so that columns line up. */
+export function probability(value: MaybeNumber): string {
+  if (isMissing(value)) return MISSING;
+  const tiny = value > 0 && value < 0.0005;
+  return withUnit(tiny ? '<0.1' : (value * 100).toFixed(1), '%');
+}
+
 /** A number in a metric's own unit; shares become percent, bytes and seconds get readable sizes. */
 export function quantity(value: MaybeNumber, unit: string, digits = 4): string {
   if (isMissing(value)) return MISSING;

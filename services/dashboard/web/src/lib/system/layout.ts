@@ -32,7 +32,7 @@ export interface Arrow {
   to: Box;
   link: Link;
   path: string;
-  label: { x: number; y: number };
+  label: { x: number; y: number; anchor: 'start' | 'middle' };
 }
 
 export interface Picture {
@@ -96,14 +96,17 @@ function arrow(from: Box, to: Box, link: Link, offset: number): Arrow {
   const y1 = from.y + BOX.height / 2 + offset;
   const y2 = to.y + BOX.height / 2 + offset;
   const bend = (x2 - x1) / 2;
+  const above = offset < 0 ? -6 : 14; // the curve is flat at the left box: the label stands along it
   const tip = forward ? -4 : 4; // the arrowhead's length
   return {
     from,
     to,
     link,
     path: `M${x1} ${y1}C${x1 + bend} ${y1} ${x2 - bend} ${y2} ${x2 + tip} ${y2}`,
-    // Where the lines of several slots are still apart: near the edge's side.
-    label: { x: x1 + bend, y: (y1 + y2) / 2 + (offset < 0 ? -6 : 15) },
+    label:
+      y1 === y2
+        ? { x: x1 + bend, y: y1 + above, anchor: 'middle' }
+        : { x: Math.min(x1, x2) + 8, y: (forward ? y1 : y2) + above, anchor: 'start' },
   };
 }
 
