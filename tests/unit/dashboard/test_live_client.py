@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bpn_dashboard.hub.channel import CameraFrame, Channel
+from bpn_dashboard.hub.channel import MAX_KEPT_BYTES, CameraFrame, Channel
 from bpn_dashboard.hub.client import Subscription
 from bpn_dashboard.hub.protocol import CREDIT, LiveFrame, Subscribe
 from bpn_dashboard.hub.topics import Topic
@@ -177,6 +177,21 @@ def test_a_long_backlog_is_sent_without_waiting_and_in_parts(loop: Loop) -> None
     loop.drain()
     place = subscription(published, since=0)
     assert [len(taken(place, 0.0)) for _ in range(4)] == [100, 100, 50, 0]
+
+
+def test_few_large_messages_are_kept_as_long_as_they_fit(loop: Loop) -> None:
+    size = MAX_KEPT_BYTES // 4
+    published = channel(loop, kept=100, decode=bytes)
+    for _ in range(10):
+        published.put(size)
+        loop.drain()
+    assert [item.seq for item in published.after(0, 100)] == [7, 8, 9, 10]
+    published.put(2 * MAX_KEPT_BYTES)
+    loop.drain()
+    assert [item.seq for item in published.after(0, 100)] == [11]
+    published.put(1)
+    loop.drain()
+    assert [item.seq for item in published.after(0, 100)] == [12]
 
 
 def test_a_closed_loop_ends_nothing_but_the_view() -> None:

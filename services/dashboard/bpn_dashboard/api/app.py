@@ -29,13 +29,25 @@ MAX_BODY_BYTES = 1024 * 1024
 Lifespan = Callable[[FastAPI], AbstractAsyncContextManager[None]]
 
 
+class Application(Guard):
+    """The guard with what it guards.
+
+    Attributes:
+        api: the application inside.
+    """
+
+    def __init__(self, api: FastAPI, hosts: Iterable[str]) -> None:
+        super().__init__(api, hosts)
+        self.api = api
+
+
 def create_app(
     context: Context,
     *,
     hosts: Iterable[str] = (),
     lifespan: Lifespan | None = None,
     routers: Sequence[APIRouter] = (),
-) -> Guard:
+) -> Application:
     """The application as ASGI.
 
     Args:
@@ -69,4 +81,4 @@ def create_app(
         app.include_router(router)
     app.include_router(static.ui_routes())
     describe(app)
-    return Guard(app, hosts)
+    return Application(app, hosts)

@@ -38,14 +38,17 @@ def _no_default(schema: dict[str, Any]) -> None:
     schema.pop("default", None)  # the task's preset decides what a key that is left out is
 
 
-_ABSENT = Field(default=None, json_schema_extra=_no_default)
-
 RunChanges: type[Request] = create_model(
     "RunChanges",
     __base__=Request,
     __doc__="A task, and what is changed from its preset.",
     **{
-        name: (kind, Field(default=...) if name == "task" else _ABSENT)
+        name: (
+            kind,
+            Field(default=...)
+            if name == "task"
+            else Field(default=None, json_schema_extra=_no_default),
+        )
         for name, kind in _kinds().items()
     },
 )
@@ -57,14 +60,20 @@ def _unique(values: list[Any]) -> list[Any]:
     return values
 
 
-_UNIQUE = (Field(json_schema_extra={"uniqueItems": True}), AfterValidator(_unique))
+def _unique_schema(schema: dict[str, Any]) -> None:
+    _no_default(schema)
+    schema["uniqueItems"] = True
+
 
 SweepGrid: type[Request] = create_model(
     "SweepGrid",
     __base__=Request,
     __doc__="For configuration keys, the values to try.",
     **{
-        name: (Annotated[list[kind], Field(min_length=1, max_length=100), *_UNIQUE], _ABSENT)
+        name: (
+            Annotated[list[kind], Field(min_length=1, max_length=100), AfterValidator(_unique)],
+            Field(default=None, json_schema_extra=_unique_schema),
+        )
         for name, kind in _kinds().items()
     },
 )
@@ -192,8 +201,8 @@ class SweepNew(Request):
     grid: SweepGrid = Field(default_factory=SweepGrid)  # type: ignore[valid-type]
     seeds: Annotated[
         list[Annotated[int, Field(ge=0, lt=2**63)]],
-        Field(max_length=MAX_IDS),
-        *_UNIQUE,
+        Field(max_length=MAX_IDS, json_schema_extra={"uniqueItems": True}),
+        AfterValidator(_unique),
     ] = []
 
 

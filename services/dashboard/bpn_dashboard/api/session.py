@@ -6,8 +6,8 @@ from fastapi import APIRouter, Request, Response
 from pydantic import BaseModel, Field
 
 from bpn_dashboard.access.roles import Role
-from bpn_dashboard.access.tokens import SESSION_S
-from bpn_dashboard.api.context import Admin, Parts, Viewer, check_guesses
+from bpn_dashboard.access.tokens import LINK_S, SESSION_S
+from bpn_dashboard.api.context import Admin, Operator, Parts, Viewer, check_guesses
 from bpn_dashboard.api.models import Name
 from bpn_dashboard.api.models import Request as Body
 from bpn_dashboard.api.problems import ApiError, responses
@@ -26,6 +26,19 @@ class Session(BaseModel):
     """Who is logged in."""
 
     name: str
+    role: Role
+
+
+class LinkNew(Body):
+    """A link to make, for this role or a lower one than your own."""
+
+    role: Role = "operator"
+
+
+class Link(BaseModel):
+    """What follows `#token=` in the link."""
+
+    token: str
     role: Role
 
 
@@ -97,6 +110,15 @@ def log_out(who: Viewer, parts: Parts, response: Response) -> None:
     """Ends the session. Tokens for scripts stay: an admin revokes them."""
     parts.tokens.revoke(who.id, ["session"])
     response.delete_cookie(parts.cookie, path="/", secure=parts.secure, httponly=True)
+
+
+@router.post("/links", operation_id="createLink", status_code=201, responses=responses(422))
+def create_link(who: Operator, parts: Parts, body: LinkNew) -> Link:
+    """A token that logs in one browser once, within a day: open the dashboard with #token=TOKEN."""
+    if not who.may(body.role):
+        raise ApiError(403, "role", f"a link for {body.role} needs that role; yours is {who.role}")
+    _, secret = parts.tokens.issue("link", who.name, body.role, lifetime_s=LINK_S)
+    return Link(token=secret, role=body.role)
 
 
 @router.get("/tokens", operation_id="listTokens")

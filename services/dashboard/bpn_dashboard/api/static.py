@@ -39,15 +39,18 @@ def ui_routes(folder: Path = BUILT) -> APIRouter:
                 files[path],
                 "public, max-age=31536000, immutable" if immutable else "no-cache",
             )
-        if "text/html" not in request.headers.get("accept", "text/html") or path.startswith(
-            "assets/"
-        ):
+        if not _wants_page(request) or path.startswith("assets/"):
             raise ApiError(404, "unknown-path", "there is nothing under this path")
         if "index.html" not in files:
             return HTMLResponse(_NOT_BUILT, 503)
         return _file(request, files["index.html"], "no-cache")
 
     return router
+
+
+def _wants_page(request: Request) -> bool:
+    accepted = request.headers.get("accept", "*/*")
+    return "text/html" in accepted or "*/*" in accepted
 
 
 def _file(request: Request, path: Path, cache_control: str) -> Response:
