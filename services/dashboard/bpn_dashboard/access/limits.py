@@ -23,8 +23,8 @@ class WrongTokens:
     def wait_s(self, client: str) -> float:
         """How long this client must wait before it may try again; 0: it need not."""
         with self._lock:
-            times_s = self._times_s.get(client, ())
-            if len(times_s) < self._limit:
+            times_s = self._times_s.get(client)
+            if times_s is None or len(times_s) < self._limit:
                 return 0.0
             return max(0.0, times_s[0] + _WINDOW_S - time.monotonic())
 

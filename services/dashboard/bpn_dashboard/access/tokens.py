@@ -101,7 +101,7 @@ def secret_key(database: Database, name: str) -> bytes:
         return row.value
 
 
-def _matching(secret: str, now: float) -> Select[tuple[TokenRow]]:
+def _matching(secret: str, now: float) -> Select[TokenRow]:
     alive = (TokenRow.expires_at.is_(None)) | (TokenRow.expires_at > now)
     return select(TokenRow).where(TokenRow.sha256 == _digest(secret), alive)
 

@@ -1,6 +1,6 @@
 """Which runs: the same filter in a list's query string and in a series query's body."""
 
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, create_model
 
@@ -52,22 +52,27 @@ class _Runs(BaseModel):
         )
 
 
-RunFilterQuery = create_model(
-    "RunFilter", __base__=_Runs, __doc__="Conditions that a run must all meet.", **_CONFIG_KEYS
-)
+if TYPE_CHECKING:
+    SortKey = str
 
-_SORTS = tuple(direction + key for key in SORT_KEYS for direction in ("", "-"))
+    class RunFilterQuery(_Runs):
+        """Conditions that a run must all meet."""
+
+else:
+    SortKey = Literal[tuple(direction + key for key in SORT_KEYS for direction in ("", "-"))]
+
+    RunFilterQuery = create_model(
+        "RunFilter", __base__=_Runs, __doc__="Conditions that a run must all meet.", **_CONFIG_KEYS
+    )
 
 
-class _Page(BaseModel):
-    sort: Annotated[
-        Literal[_SORTS],  # type: ignore[valid-type] # made from the keys
-        Field(description="a key; with - before it, descending"),
-    ] = "-created_at"
+class RunListQuery(RunFilterQuery):
+    """Which runs, in which order, and which page of them."""
+
+    sort: Annotated[SortKey, Field(description="a key; with - before it, descending")] = (
+        "-created_at"
+    )
     cursor: Annotated[
         str | None, Field(max_length=1000, description="next_cursor of the page before")
     ] = None
     limit: Annotated[int, Field(ge=1, le=200)] = 50
-
-
-RunListQuery = create_model("RunListQuery", __base__=(RunFilterQuery, _Page))

@@ -2,12 +2,11 @@
 
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, create_model
+from pydantic import AfterValidator, BaseModel, Field
 
+from bpn_dashboard.api.configs import Request, RunChanges, SweepGrid, differ
 from bpn_dashboard.database.tables import RunRow, SweepRow
-from bpn_shared.config import RunConfig
 from bpn_shared.run_folder import State
-from bpn_shared.tasks import TASKS
 
 MAX_IDS = 1000
 
@@ -16,67 +15,6 @@ Notes = Annotated[str, Field(max_length=20_000)]
 Tags = Annotated[list[Annotated[str, Field(min_length=1, max_length=50)]], Field(max_length=50)]
 RunId = Annotated[str, Field(min_length=36, max_length=36)]
 MetricName = Annotated[str, Field(min_length=1, max_length=200)]
-ConfigKey = Literal[tuple(RunConfig.model_fields)]  # type: ignore[valid-type] # made from the fields
-
-
-class Request(BaseModel):
-    """The base of all bodies."""
-
-    model_config = ConfigDict(strict=True, extra="forbid")
-
-
-def _kinds() -> dict[str, Any]:
-    """The type of each configuration key, with its range."""
-    kinds: dict[str, Any] = {
-        name: Annotated[field.annotation, *field.metadata, Field(description=field.description)]
-        for name, field in RunConfig.model_fields.items()
-    }
-    return kinds | {"task": Literal[tuple(TASKS)]}
-
-
-def _no_default(schema: dict[str, Any]) -> None:
-    schema.pop("default", None)  # the task's preset decides what a key that is left out is
-
-
-RunChanges: type[Request] = create_model(
-    "RunChanges",
-    __base__=Request,
-    __doc__="A task, and what is changed from its preset.",
-    **{
-        name: (
-            kind,
-            Field(default=...)
-            if name == "task"
-            else Field(default=None, json_schema_extra=_no_default),
-        )
-        for name, kind in _kinds().items()
-    },
-)
-
-
-def _unique(values: list[Any]) -> list[Any]:
-    if any(value in values[:index] for index, value in enumerate(values)):
-        raise ValueError("values must differ from each other")
-    return values
-
-
-def _unique_schema(schema: dict[str, Any]) -> None:
-    _no_default(schema)
-    schema["uniqueItems"] = True
-
-
-SweepGrid: type[Request] = create_model(
-    "SweepGrid",
-    __base__=Request,
-    __doc__="For configuration keys, the values to try.",
-    **{
-        name: (
-            Annotated[list[kind], Field(min_length=1, max_length=100), AfterValidator(_unique)],
-            Field(default=None, json_schema_extra=_unique_schema),
-        )
-        for name, kind in _kinds().items()
-    },
-)
 
 
 class ReturnSummary(BaseModel):
@@ -157,10 +95,10 @@ class RunPage(BaseModel):
 class RunNew(Request):
     """A run to start."""
 
-    config: RunChanges  # type: ignore[valid-type]
+    config: RunChanges
     name: Name = ""
     notes: Notes = ""
-    tags: Tags = []
+    tags: Tags = Field(default=[])
 
 
 class RunPatch(Request):
@@ -197,13 +135,13 @@ class SweepNew(Request):
     """A sweep: every combination of the grid's values, with every seed."""
 
     name: Name
-    config: RunChanges  # type: ignore[valid-type]
-    grid: SweepGrid = Field(default_factory=SweepGrid)  # type: ignore[valid-type]
+    config: RunChanges
+    grid: SweepGrid = Field(default_factory=SweepGrid)
     seeds: Annotated[
         list[Annotated[int, Field(ge=0, lt=2**63)]],
         Field(max_length=MAX_IDS, json_schema_extra={"uniqueItems": True}),
-        AfterValidator(_unique),
-    ] = []
+        AfterValidator(differ),
+    ] = Field(default=[])
 
 
 class Sweep(BaseModel):

@@ -31,7 +31,7 @@ def describe(app: FastAPI) -> None:
     }
     for route in app.routes:
         if isinstance(route, APIRoute) and route.include_in_schema:
-            for method in route.methods:
+            for method in route.methods or ():
                 _describe_operation(document["paths"][route.path_format][method.lower()], route)
     app.openapi = lambda: document  # type: ignore[method-assign] # the framework's own way
 

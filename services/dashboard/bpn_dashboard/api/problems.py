@@ -89,7 +89,7 @@ def problem_of(error: Exception) -> Problem:
     return Problem.of(status, kind, printable(str(error)))
 
 
-EXPECTED_ERRORS = (ApiError, *_EXPECTED)
+EXPECTED_ERRORS: tuple[type[Exception], ...] = (ApiError, *_EXPECTED)
 
 
 def install(app: FastAPI) -> None:

@@ -88,17 +88,18 @@ def config_schema(_who: Viewer) -> ConfigSchema:
 def list_runs(
     _who: Viewer,
     parts: Parts,
-    query: Annotated[RunListQuery, Query()],  # type: ignore[valid-type]
+    query: Annotated[RunListQuery, Query()],
 ) -> RunPage:
     """A page of runs. Runs that are made while somebody pages neither repeat nor hide others."""
-    asked: Any = query
-    runs, key, descending = asked.to_filter(), asked.sort.lstrip("-"), asked.sort.startswith("-")
-    scope = ["runs", asked.sort, asked.model_dump(exclude={"sort", "cursor", "limit"})]
+    key, descending = query.sort.lstrip("-"), query.sort.startswith("-")
+    scope = ["runs", query.model_dump(exclude={"cursor", "limit"})]
     after = None
-    if asked.cursor is not None:
-        value, run_id = parts.cursors.decode(asked.cursor, scope)
+    if query.cursor is not None:
+        value, run_id = parts.cursors.decode(query.cursor, scope)
         after = value, run_id
-    page = parts.runs.page(runs, sort=key, descending=descending, after=after, limit=asked.limit)
+    page = parts.runs.page(
+        query.to_filter(), sort=key, descending=descending, after=after, limit=query.limit
+    )
     following = page.next_after and parts.cursors.encode(page.next_after, scope)
     return RunPage.model_construct(
         items=[Run.of(row) for row in page.rows], next_cursor=following, total=page.total

@@ -9,11 +9,12 @@ from fastapi.responses import StreamingResponse
 from pydantic import BaseModel, Field
 
 from bpn_dashboard.api import export
+from bpn_dashboard.api.configs import ConfigKey
+from bpn_dashboard.api.configs import Request as Body
 from bpn_dashboard.api.context import Context, Parts, Viewer
 from bpn_dashboard.api.filters import RunFilterQuery
 from bpn_dashboard.api.groups import Group, group_runs
-from bpn_dashboard.api.models import MAX_IDS, ConfigKey, MetricName, RunId
-from bpn_dashboard.api.models import Request as Body
+from bpn_dashboard.api.models import MAX_IDS, MetricName, RunId
 from bpn_dashboard.api.problems import ApiError, responses
 from bpn_dashboard.database.tables import RunRow
 from bpn_dashboard.series.query import Axis, Series, View
@@ -45,7 +46,7 @@ class SeriesQuery(Body):
     """Curves to draw. Either `runs` or `filter` says of which runs."""
 
     runs: Annotated[list[RunId], Field(max_length=MAX_IDS)] | None = None
-    filter: RunFilterQuery | None = None  # type: ignore[valid-type]
+    filter: RunFilterQuery | None = None
     group_by: Annotated[
         Annotated[list[ConfigKey], Field(max_length=20)] | Literal["all_but_seed"] | None,
         Field(description="runs alike in these keys form one curve; null: every run for itself"),
@@ -168,14 +169,14 @@ def export_series(
 def _runs(
     parts: Context,
     ids: Sequence[str] | None,
-    runs: RunFilterQuery | None,  # type: ignore[valid-type]
+    runs: RunFilterQuery | None,
 ) -> list[RunRow]:
     if (ids is None) == (runs is None):
         raise ApiError(422, "which-runs", "give either runs or filter")
     if ids is not None:
         return [parts.runs.get(run_id) for run_id in dict.fromkeys(ids)]
-    asked: Any = runs
-    return parts.runs.find(asked.to_filter())
+    assert runs is not None
+    return parts.runs.find(runs.to_filter())
 
 
 def _header(group: Group, series: Series) -> dict[str, Any]:

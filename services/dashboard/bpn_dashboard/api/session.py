@@ -1,15 +1,15 @@
 """Logging in and out; tokens for scripts."""
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from fastapi import APIRouter, Request, Response
 from pydantic import BaseModel, Field
 
 from bpn_dashboard.access.roles import Role
 from bpn_dashboard.access.tokens import LINK_S, SESSION_S
+from bpn_dashboard.api.configs import Request as Body
 from bpn_dashboard.api.context import Admin, Operator, Parts, Viewer, check_guesses
 from bpn_dashboard.api.models import Name
-from bpn_dashboard.api.models import Request as Body
 from bpn_dashboard.api.problems import ApiError, responses
 from bpn_dashboard.database.access_tables import TokenRow
 
@@ -143,7 +143,7 @@ def revoke_token(_who: Admin, parts: Parts, token_id: str) -> None:
         raise ApiError(404, "unknown-token", "there is no token of that id")
 
 
-def _shown(row: TokenRow) -> dict[str, object]:
+def _shown(row: TokenRow) -> dict[str, Any]:
     return {
         "id": row.id,
         "kind": row.kind,

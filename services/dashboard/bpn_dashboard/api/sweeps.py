@@ -6,12 +6,13 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 from fastapi import APIRouter, Query, Response
-from pydantic import BaseModel, Field, create_model
+from pydantic import BaseModel, Field
 
+from bpn_dashboard.api.configs import ConfigKey
 from bpn_dashboard.api.context import Context, Operator, Parts, Viewer
 from bpn_dashboard.api.filters import RunFilterQuery
 from bpn_dashboard.api.idempotency import IdempotencyKey, once
-from bpn_dashboard.api.models import ConfigKey, MetricName, Sweep, SweepNew
+from bpn_dashboard.api.models import MetricName, Sweep, SweepNew
 from bpn_dashboard.api.problems import responses
 from bpn_dashboard.database.tables import RunRow, SweepRow
 from bpn_dashboard.registry.query import RunFilter
@@ -79,7 +80,8 @@ class HeatmapOfSweepQuery(_Axes):
     model_config = {"extra": "forbid"}
 
 
-HeatmapQuery = create_model("HeatmapQuery", __base__=(RunFilterQuery, _Axes))
+class HeatmapQuery(RunFilterQuery, _Axes):
+    """Of which runs, and what the map shows."""
 
 
 @router.get("/sweeps", operation_id="listSweeps", responses=responses(422))
@@ -135,11 +137,10 @@ def sweep_heatmap(
 def heatmap(
     _who: Viewer,
     parts: Parts,
-    query: Annotated[HeatmapQuery, Query()],  # type: ignore[valid-type]
+    query: Annotated[HeatmapQuery, Query()],
 ) -> Heatmap:
     """A metric over two configuration keys of all runs that meet a filter."""
-    asked: Any = query
-    return _heatmap(parts, asked.to_filter(), asked)
+    return _heatmap(parts, query.to_filter(), query)
 
 
 def _shown(parts: Context, rows: Sequence[SweepRow]) -> list[Sweep]:

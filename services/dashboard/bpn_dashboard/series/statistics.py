@@ -116,7 +116,8 @@ def _weights(n: int, statistic: Statistic) -> Floats:
     else:
         cut = n // 4 if statistic == "iqm" else 0
         weights[cut : n - cut] = 1.0
-    return weights / weights.sum()
+    weights /= weights.sum()
+    return weights
 
 
 @cache
