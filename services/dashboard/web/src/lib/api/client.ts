@@ -3,6 +3,7 @@
 import { Value } from '../observable';
 import { count } from '../stats';
 import { Problem, problemOf } from './problem';
+import { decodeSeries, SERIES_MEDIA_TYPE } from './series';
 import type * as t from './types';
 
 type QueryValue = string | number | boolean | null | undefined;
@@ -96,7 +97,7 @@ export class ApiClient {
 
   sweeps = {
     page: (query: { cursor?: string; limit?: number }, signal?: AbortSignal) =>
-      this.get<t.Page<t.Sweep>>('/sweeps', query, signal),
+      this.get<t.SweepPage>('/sweeps', query, signal),
     get: (id: string, signal?: AbortSignal) =>
       this.get<t.Sweep>(`/sweeps/${id}`, undefined, signal),
     create: (sweep: Pick<t.Sweep, 'name' | 'config' | 'grid' | 'seeds'>) =>
@@ -107,13 +108,18 @@ export class ApiClient {
   configSchema = () => this.get<t.ConfigSchema>('/config-schema');
 
   heatmap = (
-    query: { x: string; y: string; metric: string; value: string },
+    query: { x: string; y: string; metric: string; value: t.HeatmapValue },
     runs: t.RunQuery,
     signal?: AbortSignal,
   ) => this.get<t.Heatmap>('/heatmap', { ...runQuery(runs), ...query }, signal);
 
-  series = (query: t.SeriesQuery, signal?: AbortSignal) =>
-    this.json<t.SeriesAnswer>('POST', '/series/query', { body: query, signal } as Options);
+  /** Curves as float32 columns: a quarter of the bytes and none of the parsing that JSON needs. */
+  series = async (query: t.SeriesQuery, signal?: AbortSignal): Promise<t.SeriesAnswer> => {
+    const headers = { Accept: SERIES_MEDIA_TYPE };
+    const options = { body: query, headers, ...(signal ? { signal } : {}) };
+    const response = await this.request('POST', '/series/query', options);
+    return decodeSeries(await response.arrayBuffer());
+  };
 }
 
 /** Filters of a run query as URL parameters; configuration keys get the prefix `config.`. */

@@ -51,10 +51,9 @@ export async function problemOf(response: Response): Promise<Problem> {
 
 function fieldProblem(item: unknown): FieldProblem[] {
   if (typeof item !== 'object' || item === null) return [];
-  const { field, loc, message, msg } = item as Record<string, unknown>;
-  const path = typeof field === 'string' ? field : Array.isArray(loc) ? loc.join('.') : '';
-  const text = typeof message === 'string' ? message : typeof msg === 'string' ? msg : 'is wrong';
-  return [{ field: path.replace(/^(body\.)?(config\.)?/, ''), message: text }];
+  const { location, message } = item as Record<string, unknown>;
+  if (typeof location !== 'string' || typeof message !== 'string') return [];
+  return [{ field: location.replace(/^body\.(config\.)?/, ''), message }];
 }
 
 /** Any thrown value as a problem, so that views show one kind of error. */

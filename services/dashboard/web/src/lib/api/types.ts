@@ -25,7 +25,7 @@ export interface Run {
   attempt: number;
   iteration: number;
   iterations: number;
-  weights_version: number;
+  weights_version: number | null;
   summary: {
     return_px: { last: number | null; best: number | null; mean_last_5: number | null };
     length: { last: number | null };
@@ -45,6 +45,8 @@ export interface Page<Item> {
   next_cursor: string | null;
   total: number;
 }
+
+export type SweepPage = Omit<Page<Sweep>, 'total'>;
 
 /** Filters, order and page of a list of runs; keys of `config` are configuration keys. */
 export interface RunQuery {
@@ -114,6 +116,8 @@ export interface ConfigDiff {
   differences: { key: string; this: ConfigValue; other: ConfigValue }[];
 }
 
+export type HeatmapValue = 'best_mean' | 'last_mean';
+
 export interface Heatmap {
   x: { key: string; values: ConfigValue[] };
   y: { key: string; values: ConfigValue[] };
@@ -135,7 +139,7 @@ export type Band = 'std' | 'sem' | 'ci95' | 'minmax';
 
 export interface SeriesQuery {
   runs?: string[];
-  filter?: Omit<RunQuery, 'limit' | 'cursor' | 'sort'>;
+  filter?: Record<string, string | boolean>;
   group_by: string[] | 'all_but_seed' | null;
   metrics: string[];
   x: XAxis;
@@ -150,10 +154,14 @@ export type Column = (number | null)[];
 /** One line of a chart: a run, or a group of runs with its band. `n` is how many runs stand behind a point. */
 export interface Series {
   metric: string;
+  /** The same for the same group whatever else is shown. */
+  key: string;
   label: string;
   group: Record<string, ConfigValue>;
   run_ids: string[];
   n_points: number;
+  /** Width of a bucket in x; 0: points as they are. */
+  bucket: number;
   x: Column;
   n: Column;
   value: Column;
