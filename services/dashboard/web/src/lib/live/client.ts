@@ -38,8 +38,6 @@ export interface TopicHandlers {
   /** Messages are missing; null: nobody knows how many, because the server was restarted. */
   onGap?(missed: number | null): void;
   onError?(title: string): void;
-  /** The connection stands again: what was asked by REST meanwhile may have failed. */
-  onReconnected?(): void;
 }
 
 export interface LiveStatistics {
@@ -225,8 +223,7 @@ export class LiveClient {
   }
 
   private welcome(server: string): void {
-    const again = this.server !== null;
-    const restarted = again && this.server !== server;
+    const restarted = this.server !== null && this.server !== server;
     this.server = server;
     this.attempt = 0;
     this.statistics.connections += 1;
@@ -237,7 +234,6 @@ export class LiveClient {
         this.gap(topic, null);
       }
       this.sendSubscription(id);
-      if (again) topic.onReconnected?.();
     }
     this.ping();
   }

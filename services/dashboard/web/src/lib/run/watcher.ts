@@ -25,7 +25,6 @@ export class RunWatcher {
         if ((data as RunChange).id === id) this.reload();
       },
       onGap: () => this.reload(),
-      onReconnected: () => this.reload(),
     });
     this.reload();
   }
