@@ -66,6 +66,12 @@ export function percent(value: MaybeNumber, digits = 3): string {
   return isMissing(value) ? MISSING : withUnit(number(value * 100, digits), '%');
 }
 
+/** How often something happens. Below one a second the prefix "milli" would read as metres. */
+export function rate(perSecond: MaybeNumber): string {
+  if (isMissing(perSecond)) return MISSING;
+  return perSecond < 1 ? withUnit(number(perSecond, 2), '/s') : si(perSecond, '/s');
+}
+
 /** A probability as percent with one decimal, so that columns line up. */
 export function probability(value: MaybeNumber): string {
   if (isMissing(value)) return MISSING;
