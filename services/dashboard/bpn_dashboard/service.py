@@ -29,6 +29,7 @@ from bpn_dashboard.database.tables import RunRow
 from bpn_dashboard.hub import presence
 from bpn_dashboard.hub.hub import Hub
 from bpn_dashboard.hub.websocket import UVICORN_OPTIONS, live_route
+from bpn_dashboard.registry.dispatcher import Dispatcher
 from bpn_dashboard.registry.store import RunStore
 from bpn_dashboard.series.ingest import Ingest
 from bpn_shared.bus.session import DEFAULT_ENDPOINT, Bus, BusError
@@ -74,6 +75,11 @@ def argument_parser() -> argparse.ArgumentParser:
         "--open-metrics", action="store_true", help="/metrics needs no token from loopback"
     )
     return parser
+
+
+def database_url(options: argparse.Namespace) -> str:
+    """The database that the options name, or the one in the runs folder."""
+    return options.database or sqlite_url(options.runs_dir / ".dashboard.sqlite")
 
 
 def check_options(options: argparse.Namespace) -> None:
@@ -163,7 +169,10 @@ async def _join_bus(
 
     context.runs.subscribe(publish)
     present = presence.Presence(bus, name, context.counters)
+    dispatcher = Dispatcher(bus, context.runs, context.counters)
+    await asyncio.to_thread(dispatcher.start)
     await asyncio.to_thread(stop.wait)
+    await asyncio.to_thread(dispatcher.close)
     hub.close()
     await asyncio.to_thread(present.close)
     await asyncio.to_thread(bus.close)
@@ -179,7 +188,7 @@ def main(argv: list[str] | None = None) -> int:
         check_options(options)
         listener = _listen(options.host, options.port)
         options.runs_dir.mkdir(parents=True, exist_ok=True)
-        database = Database(options.database or sqlite_url(options.runs_dir / ".dashboard.sqlite"))
+        database = Database(database_url(options))
     except (ConfigError, DatabaseError) as error:
         log.error("%s", error)
         return 2
