@@ -77,6 +77,10 @@ class WeightsMarks:
         mark = WeightsMark(attempt=blob.attempt, version=blob.version, time_ns=time.time_ns())
         self._marks = {**self._marks, event: mark}
 
+    def forget(self) -> None:
+        """Another run begins."""
+        self._marks = {}
+
     def snapshot(self) -> Mapping[WeightsEvent, WeightsMark]:
         return self._marks
 

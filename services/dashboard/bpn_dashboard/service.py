@@ -5,7 +5,6 @@ import asyncio
 import json
 import logging
 import os
-import secrets
 import socket
 import sys
 import threading
@@ -27,6 +26,7 @@ from bpn_dashboard.api.models import Run
 from bpn_dashboard.api.problems import ApiError
 from bpn_dashboard.database.engine import Database, DatabaseError, sqlite_url
 from bpn_dashboard.database.tables import RunRow
+from bpn_dashboard.hub import presence
 from bpn_dashboard.hub.hub import Hub
 from bpn_dashboard.hub.websocket import UVICORN_OPTIONS, live_route
 from bpn_dashboard.registry.dispatcher import Dispatcher
@@ -35,7 +35,7 @@ from bpn_dashboard.series.ingest import Ingest
 from bpn_shared.bus.session import DEFAULT_ENDPOINT, Bus, BusError
 from bpn_shared.config import ConfigError
 from bpn_shared.run_folder import write_atomically
-from bpn_shared.service import Counters, end_with_supervisor, set_up_logging
+from bpn_shared.service import Counters, end_with_supervisor, new_worker_id, set_up_logging
 
 log = logging.getLogger(__name__)
 
@@ -75,6 +75,11 @@ def argument_parser() -> argparse.ArgumentParser:
         "--open-metrics", action="store_true", help="/metrics needs no token from loopback"
     )
     return parser
+
+
+def database_url(options: argparse.Namespace) -> str:
+    """The database that the options name, or the one in the runs folder."""
+    return options.database or sqlite_url(options.runs_dir / ".dashboard.sqlite")
 
 
 def check_options(options: argparse.Namespace) -> None:
@@ -126,7 +131,6 @@ def build(options: argparse.Namespace, database: Database) -> tuple[Application,
     @asynccontextmanager
     async def lifespan(_app: FastAPI) -> AsyncIterator[None]:
         stop = threading.Event()
-        await asyncio.to_thread(runs.look_around)  # whether the bus is reached or not
         context.ingest.start()
         joining = asyncio.create_task(_join_bus(options, context, live, stop))
         try:
@@ -156,18 +160,21 @@ async def _join_bus(
     except BusError as error:
         log.info("%s", error)
         return
-    hub = live.hub = Hub(bus, options.runs_dir, context.counters, secrets.token_hex(8))
+    name = new_worker_id(presence.KIND)
+    live.hub = hub = Hub(bus, options.runs_dir, context.counters, name)
 
     def publish(rows: Sequence[RunRow]) -> None:
         for row in rows:
-            hub.publish("runs", Run.of(row).model_dump())
+            hub.publish("runs", Run.of(row).model_dump(mode="json"))
 
     context.runs.subscribe(publish)
+    present = presence.Presence(bus, name, context.counters)
     dispatcher = Dispatcher(bus, context.runs, context.counters)
     await asyncio.to_thread(dispatcher.start)
     await asyncio.to_thread(stop.wait)
     await asyncio.to_thread(dispatcher.close)
     hub.close()
+    await asyncio.to_thread(present.close)
     await asyncio.to_thread(bus.close)
 
 
@@ -181,7 +188,7 @@ def main(argv: list[str] | None = None) -> int:
         check_options(options)
         listener = _listen(options.host, options.port)
         options.runs_dir.mkdir(parents=True, exist_ok=True)
-        database = Database(options.database or sqlite_url(options.runs_dir / ".dashboard.sqlite"))
+        database = Database(database_url(options))
     except (ConfigError, DatabaseError) as error:
         log.error("%s", error)
         return 2

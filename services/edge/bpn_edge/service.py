@@ -1,6 +1,7 @@
 """`bpn-edge`: the policy at the robot. Frames in, actions out; episodes to the learner."""
 
 import logging
+from contextlib import closing
 
 from bpn_edge.decisions import DecisionFeed
 from bpn_edge.driver import Choose, EpisodeDriver
@@ -41,40 +42,39 @@ def serve(worker: Worker, config: RunConfig) -> int:
 
     weights = WeightsSubscriber(worker.bus, worker.run, config.network, load, worker.counters)
     period_s = task.control_period_s if config.pacing == "realtime" else 0.0
-    feed = DecisionFeed(worker)
-    driver = EpisodeDriver(
-        worker,
-        task,
-        RobotLink(worker, task),
-        memory,
-        feed,
-        steps=config.steps,
-        silence_s=max(_SILENCE_S, 5 * period_s),
-    )
-    learner = LearnerLink(worker)
-    while not worker.stop.is_set():
-        assignment = _ask(learner, worker)
-        if assignment is None:
-            continue
-        if assignment.verdict == "finished":
-            log.info("the run is finished")
-            break
-        if assignment.verdict == "wait":
-            worker.waiting.set(assignment.reason)
-            worker.stop.wait(_POLL_S)
-            continue
-        if not memory.activate(assignment.weights_version, _WEIGHTS_TIMEOUT_S):
-            worker.waiting.set(f"weights version {assignment.weights_version}")
-            weights.refresh()
-            continue
-        worker.waiting.done()
-        assert memory.blob is not None  # activate() said so
-        worker.weights.note("running", memory.blob)
-        feed.scale = memory.blob.scale
-        episode = driver.play(assignment, chooser(config, assignment, memory.blob.scale))
-        if episode is not None:
-            learner.deliver(episode)
-    feed.close()
+    with closing(DecisionFeed(worker)) as feed:
+        driver = EpisodeDriver(
+            worker,
+            task,
+            RobotLink(worker, task),
+            memory,
+            feed,
+            steps=config.steps,
+            silence_s=max(_SILENCE_S, 5 * period_s),
+        )
+        learner = LearnerLink(worker)
+        while not worker.stop.is_set():
+            assignment = _ask(learner, worker)
+            if assignment is None:
+                continue
+            if assignment.verdict == "finished":
+                log.info("the run is finished")
+                break
+            if assignment.verdict == "wait":
+                worker.waiting.set(assignment.reason)
+                worker.stop.wait(_POLL_S)
+                continue
+            if not memory.activate(assignment.weights_version, _WEIGHTS_TIMEOUT_S):
+                worker.waiting.set(f"weights version {assignment.weights_version}")
+                weights.refresh()
+                continue
+            worker.waiting.done()
+            assert memory.blob is not None  # activate() said so
+            worker.weights.note("running", memory.blob)
+            feed.scale = memory.blob.scale
+            episode = driver.play(assignment, chooser(config, assignment, memory.blob.scale))
+            if episode is not None:
+                learner.deliver(episode)
     return EXIT_FINISHED
 
 

@@ -5,6 +5,7 @@ import { draftOf, fieldsOf, read } from './draft';
 import { fieldOf, parseValue, presetOf, sectionsOf } from './form';
 import { parseValues, runsOf } from './sweep';
 
+const TASK = { action_names: [], frames_stacked: 1, control_period_s: 0.145 };
 const SCHEMA: ConfigSchema = {
   schema: {
     properties: {
@@ -20,8 +21,8 @@ const SCHEMA: ConfigSchema = {
   },
   presets: { reaching: { nodes: 256 }, pan_tilt: { beta: 3 } },
   tasks: [
-    { name: 'reaching', title: 'Reaching' },
-    { name: 'pan_tilt', title: 'Pan tilt' },
+    { name: 'reaching', title: 'Reaching', ...TASK },
+    { name: 'pan_tilt', title: 'Pan tilt', ...TASK },
   ],
   defaults: {},
 };
