@@ -1,0 +1,94 @@
+/**
+ * What the REST interface carries: types generated from the server's own description (`npm run types`), with
+ * configurations and groups as what they hold. Times are Unix seconds, pixels are pixels of the 84 x 84 frame.
+ */
+
+import type { components } from '../../../generated/api';
+
+type Schemas = components['schemas'];
+
+export type ConfigValue = string | number | boolean | null;
+export type Config = Record<string, ConfigValue>;
+
+export type Session = Schemas['Session'];
+export type Role = Session['role'];
+
+export type Run = Omit<Schemas['Run'], 'config'> & { config: Config };
+export type RunState = Run['state'];
+export type RunPage = Omit<Schemas['RunPage'], 'items'> & { items: Run[] };
+export type BulkAction = Schemas['BulkAction']['action'];
+export type BulkResult = Schemas['BulkResult'];
+export type MetricNames = Schemas['MetricNames'];
+export type ConfigDiff = Schemas['ConfigDiff'];
+
+/** Filters, order and page of a list of runs; keys of `config` are configuration keys. */
+export interface RunQuery {
+  search?: string;
+  state?: string;
+  task?: string;
+  algorithm?: string;
+  sweep_id?: string;
+  archived?: boolean;
+  sort?: string;
+  config?: Record<string, string>;
+  limit?: number;
+  cursor?: string;
+}
+
+export type Sweep = Omit<Schemas['Sweep'], 'config' | 'grid' | 'states'> & {
+  config: Config;
+  grid: Record<string, ConfigValue[]>;
+  states: Partial<Record<RunState, number>>;
+};
+export type SweepPage = Omit<Schemas['SweepPage'], 'items'> & { items: Sweep[] };
+
+/** One property of the configuration's JSON schema, as far as forms use it. */
+export interface JsonSchemaProperty {
+  type?: 'string' | 'integer' | 'number' | 'boolean';
+  enum?: ConfigValue[];
+  default?: ConfigValue;
+  description?: string;
+  minimum?: number;
+  maximum?: number;
+  exclusiveMinimum?: number;
+  exclusiveMaximum?: number;
+}
+
+export type TaskInfo = Schemas['TaskChoice'];
+
+export type ConfigSchema = Pick<Schemas['ConfigSchema'], 'tasks'> & {
+  schema: { properties: Record<string, JsonSchemaProperty> };
+  presets: Record<string, Config>;
+  defaults: Config;
+};
+
+export type HeatmapCell = Omit<Schemas['HeatmapCell'], 'x' | 'y'> & {
+  x: ConfigValue;
+  y: ConfigValue;
+};
+export type Heatmap = Pick<Schemas['Heatmap'], 'metric' | 'value'> & {
+  x: { key: string; values: ConfigValue[] };
+  y: { key: string; values: ConfigValue[] };
+  cells: HeatmapCell[];
+};
+export type HeatmapValue = 'best_mean' | 'last_mean';
+
+export type Column = (number | null)[];
+
+/** Curves to draw: of `runs`, or of all that meet `filter`. */
+export type SeriesQuery = Omit<
+  Required<Schemas['SeriesQuery']>,
+  'runs' | 'filter' | 'group_by' | 'range'
+> & {
+  runs?: string[];
+  filter?: Record<string, string | boolean>;
+  group_by: string[] | 'all_but_seed' | null;
+  range: [number, number] | null;
+};
+export type XAxis = SeriesQuery['x'];
+export type Statistic = SeriesQuery['statistic'];
+export type Band = SeriesQuery['band'];
+
+/** One line of a chart: a run, or a group of runs with its band; `n` is how many runs stand behind a point. */
+export type Series = Omit<Schemas['SeriesShown'], 'group'> & { group: Config };
+export type SeriesAnswer = Omit<Schemas['SeriesAnswer'], 'series'> & { series: Series[] };
