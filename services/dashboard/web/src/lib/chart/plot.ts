@@ -15,6 +15,7 @@ export interface PlotState {
   smoothing: number;
   range: Range | null; // x that is shown; null: all
   logarithmic: boolean;
+  unit: string;
   theme: ThemeName;
   heightPx: number;
 }
@@ -29,7 +30,8 @@ export interface PlotEvents {
 }
 
 const RAW_ALPHA = 0.28;
-const BAND_ALPHA = 0.16;
+const BAND_ALPHA = 0.18;
+const MANY_BANDS = 3; // from there on they are fainter, so that lines stay in front
 const FOCUS_PX = 24;
 
 export class Plot {
@@ -130,6 +132,16 @@ export class Plot {
     return PALETTE[theme][lines[line]?.stroke.colour ?? 0] ?? '#888888';
   }
 
+  #bandAlpha(): number {
+    return BAND_ALPHA * Math.min(1, MANY_BANDS / this.#plan.bands.length);
+  }
+
+  /** A value at the y axis; shares are written as percent, as in the title. */
+  #tick(value: number | null): string {
+    if (value === null) return '';
+    return number(this.#state?.unit === 'share' ? value * 100 : value, 5);
+  }
+
   #token(name: string): string {
     return getComputedStyle(this.element).getPropertyValue(name).trim();
   }
@@ -164,13 +176,13 @@ export class Plot {
           ...axis,
           size: (_chart, labels) =>
             14 + 7 * Math.max(3, ...(labels ?? []).map((label) => label?.length ?? 0)),
-          values: (_chart, ticks) => ticks.map((tick) => (tick === null ? '' : number(tick, 5))),
+          values: (_chart, ticks) => ticks.map((tick) => this.#tick(tick)),
         },
       ],
       series: [{}, ...this.#plan.series.map(({ line, part }) => this.#series(line, part))],
       bands: this.#plan.bands.map(({ series, line }) => ({
         series,
-        fill: () => withAlpha(this.#colour(line), BAND_ALPHA),
+        fill: () => withAlpha(this.#colour(line), this.#bandAlpha()),
       })),
       focus: { alpha: 0.35 },
       cursor: {
