@@ -14,7 +14,7 @@ SOURCES := $(PACKAGES:%=%/bpn*)
 help:            ## this list
 	@grep -hE '^[a-z-]+: .*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 12
 
-up: $(INSTALLED) ## start everything with the default run
+up: $(INSTALLED) ## start the dashboard and workers, with a first run
 	$(BIN)/bpn up
 
 test: lint       ## lint, then every test that takes seconds, then those that take minutes
