@@ -3,10 +3,12 @@
 import re
 from typing import Any
 
+import pytest
 from playwright.sync_api import Page, expect
 
 
-def test_compare_two_runs(page: Page, dashboard: Any, finished: str, wait_for: Any) -> None:
+@pytest.mark.usefixtures("finished")
+def test_compare_two_runs(page: Page, dashboard: Any, wait_for: Any) -> None:
     other = dashboard.start(name="other seed", seed=7)
     wait_for(lambda: dashboard.state(other) == "finished", "the other run", 120)
     page.goto(f"{dashboard.url}?page=runs")

@@ -84,7 +84,7 @@ def test_the_system_page_says_who_is_alive_and_what_flows(
         row = services.get_by_role("row", name=re.compile(f"^{name} live {running[-8:]}"))
         expect(row).to_be_visible()
         expect(row).to_contain_text("MiB")
-    expect(services.get_by_role("row", name=re.compile("^Learner live idle"))).to_be_visible()
+    expect(services.get_by_role("row", name=re.compile("^Edge live idle"))).to_be_visible()
     latencies = page.get_by_role("region", name="Latencies")
     for hop in ("camera → edge", "edge → robot", "camera → action", "weights, published → loaded"):
         expect(latencies.get_by_role("row", name=re.compile(hop)).first).to_contain_text("s")

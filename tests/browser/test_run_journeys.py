@@ -134,7 +134,7 @@ def test_configuration_and_its_difference(page: Page, dashboard: Any, finished: 
     row = page.get_by_role("row", name=re.compile("^nodes"))
     expect(row).to_contain_text("24")
     expect(row).to_contain_text("preset 256")
-    page.get_by_label("Other run").select_option(value=other)
+    page.get_by_label("Other run", exact=True).select_option(value=other)
     difference = page.get_by_role("region", name="Difference to another run")
     expect(difference.get_by_role("row", name="beta 1 2.5")).to_be_visible()
     expect(difference.get_by_role("row")).to_have_count(3)  # a head, beta, iterations
