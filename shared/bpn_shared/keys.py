@@ -15,6 +15,16 @@ def reset(run: UUID, slot: int) -> str:
     return f"bpn/{run}/robot/{slot}/reset"
 
 
+def preview(run: UUID, slot: int) -> str:
+    """What the network of this slot sees, for who watches."""
+    return f"bpn/{run}/robot/{slot}/preview"
+
+
+def decision(run: UUID, slot: int) -> str:
+    """What the policy of this slot decided and why, for who watches."""
+    return f"bpn/{run}/edge/{slot}/decision"
+
+
 def next_episode(run: UUID) -> str:
     return f"bpn/{run}/learner/next"
 
@@ -34,6 +44,11 @@ def weights(run: UUID) -> str:
 
 def metrics(run: UUID, kind: str, worker: str) -> str:
     return f"bpn/{run}/metrics/{kind}/{worker}"
+
+
+def telemetry(kind: str, worker: str) -> str:
+    """Where a service tells once a second how it is."""
+    return f"bpn/telemetry/{kind}/{worker}"
 
 
 def health(kind: str, worker: str) -> str:

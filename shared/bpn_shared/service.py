@@ -1,7 +1,6 @@
 """What every service does alike: logging, signals, counters, and saying what it waits for."""
 
 import ctypes
-import json
 import logging
 import os
 import queue
@@ -10,7 +9,8 @@ import threading
 import time
 import uuid
 from collections import Counter
-from collections.abc import Callable
+
+from bpn_shared import log_lines
 
 log = logging.getLogger(__name__)
 
@@ -21,12 +21,10 @@ _PR_SET_PDEATHSIG = 1
 
 
 def set_up_logging(service: str) -> None:
-    """Log lines to standard error: time, service, level, text."""
-    logging.basicConfig(
-        level=logging.INFO,
-        format=f"%(asctime)s {service} %(levelname)s %(message)s",
-        force=True,
-    )
+    """Log lines to standard error, in the form of `bpn_shared.log_lines`."""
+    handler = logging.StreamHandler()
+    handler.setFormatter(log_lines.formatter(service))
+    logging.basicConfig(level=logging.INFO, handlers=[handler], force=True)
 
 
 def stop_on_signals() -> threading.Event:
@@ -113,24 +111,7 @@ class Waiting:
             )
             self._what = None
 
-    def snapshot(self) -> dict[str, str | float | None]:
-        seconds = time.monotonic() - self._since_s if self._what else 0.0
-        return {"waiting_for": self._what, "waiting_s": round(seconds, 3)}
-
-
-def health_report(kind: str, waiting: Waiting, counters: Counters) -> Callable[[bytes], bytes]:
-    """A request handler that answers what the service waits for and has counted (JSON)."""
-    start_s = time.monotonic()
-
-    def answer(_request: bytes) -> bytes:
-        return json.dumps(
-            {
-                "kind": kind,
-                "pid": os.getpid(),
-                "uptime_s": round(time.monotonic() - start_s, 1),
-                **waiting.snapshot(),
-                "counters": counters.snapshot(),
-            }
-        ).encode()
-
-    return answer
+    def snapshot(self) -> tuple[str | None, float]:
+        """What the service waits for, and for how many seconds it has."""
+        what, since_s = self._what, self._since_s
+        return what, time.monotonic() - since_s if what else 0.0

@@ -11,16 +11,17 @@ from bpn_shared import keys
 from bpn_shared.bus.liveliness import AliveToken
 from bpn_shared.bus.requests import NoReplyError, RefusedError, Responder, request
 from bpn_shared.bus.session import DEFAULT_ENDPOINT, Bus, BusError
+from bpn_shared.bus.telemetry import TelemetryPublisher
 from bpn_shared.config import ConfigError, RunConfig
 from bpn_shared.service import (
     Counters,
     Waiting,
     end_with_supervisor,
-    health_report,
     new_worker_id,
     set_up_logging,
     stop_on_signals,
 )
+from bpn_shared.telemetry import Latencies, Reporter, WeightsMarks
 
 log = logging.getLogger(__name__)
 
@@ -39,14 +40,26 @@ class Worker:
     stop: threading.Event
     counters: Counters = field(default_factory=Counters)
     waiting: Waiting = field(default_factory=Waiting)
+    latencies: Latencies = field(default_factory=Latencies)
+    weights: WeightsMarks = field(default_factory=WeightsMarks)
     id: str = ""
 
-    def announce(self) -> tuple[AliveToken, Responder]:
-        """Tells the others that this worker lives, and answers for its health."""
-        report = health_report(self.kind, self.waiting, self.counters)
+    def announce(self) -> tuple[AliveToken, Responder, TelemetryPublisher]:
+        """Tells the others that this worker lives, how it is, and answers for its health."""
+        reporter = Reporter(
+            self.kind,
+            self.id,
+            lambda: (self.run, self.slot),
+            self.bus.traffic,
+            waiting=self.waiting,
+            counters=self.counters,
+            latencies=self.latencies,
+            weights=self.weights,
+        )
         return (
             AliveToken(self.bus, self.kind, self.id),
-            Responder(self.bus, keys.health(self.kind, self.id), report, self.counters),
+            Responder(self.bus, keys.health(self.kind, self.id), reporter.answer, self.counters),
+            TelemetryPublisher(self.bus, self.kind, self.id, reporter.report),
         )
 
 

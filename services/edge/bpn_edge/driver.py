@@ -8,6 +8,7 @@ from collections.abc import Callable
 import numpy as np
 import numpy.typing as npt
 
+from bpn_edge.decisions import DecisionFeed
 from bpn_edge.memory import WeightMemory
 from bpn_edge.recorder import EpisodeRecorder
 from bpn_edge.robot_link import RobotLink
@@ -40,12 +41,13 @@ class EpisodeDriver:
         task: Task,
         link: RobotLink,
         memory: WeightMemory,
+        feed: DecisionFeed,
         *,
         steps: int,
         silence_s: float,
     ) -> None:
         self._worker, self._task = worker, task
-        self._link, self._memory = link, memory
+        self._link, self._memory, self._feed = link, memory, feed
         self._steps, self._silence_s = steps, silence_s
 
     def play(self, assignment: Assignment, choose: Choose) -> Episode | None:
@@ -67,6 +69,7 @@ class EpisodeDriver:
             self._task,
             self._link,
             self._memory,
+            self._feed,
             steps=self._steps,
             assignment=assignment,
             reset_id=reset.reset_id,
@@ -103,6 +106,7 @@ class _Game:
         task: Task,
         link: RobotLink,
         memory: WeightMemory,
+        feed: DecisionFeed,
         *,
         steps: int,
         assignment: Assignment,
@@ -110,6 +114,7 @@ class _Game:
         choose: Choose,
     ) -> None:
         self._worker, self._task, self._link, self._memory = worker, task, link, memory
+        self._feed = feed
         self._assignment, self._reset_id, self._choose = assignment, reset_id, choose
         # all at once: between two frames every instruction delays the sending of the last action
         self._uniforms = [action_uniform(assignment.seed, step) for step in range(steps)]
@@ -177,9 +182,12 @@ class _Game:
             edge_ns=time.monotonic_ns() - t_receive_ns,
         )
         self._link.send(self._answer)
-        self._recorder.add_outputs(outputs, inference_ns)
+        self._recorder.add_outputs(outputs, inference_ns, self._answer.edge_ns)
+        self._feed.note(self._assignment, self._answer, outputs)
 
     def _finish(self) -> None:
+        for name, durations_us in self._recorder.latencies_us().items():
+            self._worker.latencies.add(name, durations_us)
         blob = self._memory.blob
         self.episode = self._recorder.finish(
             self._assignment,

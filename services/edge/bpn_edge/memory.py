@@ -35,8 +35,12 @@ class WeightMemory:
             0, 256, spec.observation_shape, dtype=np.uint8
         )
 
-    def offer(self, blob: WeightBlob) -> None:
-        """Loads a blob into the idle bank and verifies the bank against the golden model."""
+    def offer(self, blob: WeightBlob) -> bool:
+        """Loads a blob into the idle bank and verifies the bank against the golden model.
+
+        Returns:
+            False if the bank failed the verification; it is not used.
+        """
         with self._changed:
             self._idle.load(blob)
             expected = golden.forward(blob, self._probe)[-1]
@@ -47,9 +51,10 @@ class WeightMemory:
                     f"the {self._idle.name} kernel computes version {blob.version} wrongly; "
                     "the bank is not used (try --kernel golden)",
                 )
-                return
+                return False
             self._offered = blob
             self._changed.notify_all()
+            return True
 
     def activate(self, version: int, timeout_s: float) -> bool:
         """Makes `version` the running one, by swapping banks if need be.

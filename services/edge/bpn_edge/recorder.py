@@ -19,7 +19,8 @@ class EpisodeRecorder:
         self._frames: list[npt.NDArray[np.uint8]] = []
         self._outputs: list[npt.NDArray[np.int32]] = []
         self._inference_ns: list[int] = []
-        self._first_ns = self._last_ns = 0
+        self._received_ns: list[int] = []
+        self._edge_ns: list[int] = []
 
     @property
     def next_step(self) -> int:
@@ -30,9 +31,7 @@ class EpisodeRecorder:
         self, header: FrameHeader, pixels: npt.NDArray[np.uint8], t_receive_ns: int
     ) -> None:
         """Appends the frame of step `next_step`."""
-        if not self._frames:
-            self._first_ns = t_receive_ns
-        self._last_ns = t_receive_ns
+        self._received_ns.append(t_receive_ns)
         self._headers.append(header)
         self._frames.append(pixels)
 
@@ -40,10 +39,35 @@ class EpisodeRecorder:
         """s_t after the newest frame, uint8[C, 84, 84]."""
         return stack(self._frames, len(self._frames) - 1, self._task.frames_stacked)
 
-    def add_outputs(self, outputs: npt.NDArray[np.int32], inference_ns: int) -> None:
-        """Appends what the network said to the newest observation."""
+    def add_outputs(
+        self, outputs: npt.NDArray[np.int32], inference_ns: int, edge_ns: int
+    ) -> None:
+        """Appends what the network said to the newest observation, and how long it and the edge took."""
         self._outputs.append(outputs)
         self._inference_ns.append(inference_ns)
+        self._edge_ns.append(edge_ns)
+
+    def latencies_us(self) -> dict[str, npt.NDArray[np.float64]]:
+        """How long the hops of the episode's steps took, microseconds, by the names of docs/metrics.md.
+
+        The two hops between robot and edge compare two clocks: they are right where both are one machine's.
+        """
+        captured_ns = np.array([header.t_capture_ns for header in self._headers[:-1]], np.float64)
+        received_ns = np.array(self._received_ns[:-1], np.float64)
+        edge_ns = np.array(self._edge_ns, np.float64)
+        loop_ns = np.array([header.camera_to_action_ns for header in self._headers[1:]], np.float64)
+        in_time = loop_ns > 0
+        camera_to_edge_ns = received_ns - captured_ns
+        bus_ns = (loop_ns - edge_ns)[in_time]
+        hops_ns = {
+            "camera_to_edge": camera_to_edge_ns,
+            "inference": np.array(self._inference_ns, np.float64),
+            "edge": edge_ns,
+            "action_to_robot": bus_ns - camera_to_edge_ns[in_time],
+            "bus": bus_ns,
+            "camera_to_action": loop_ns[in_time],
+        }
+        return {f"{name}_us": durations_ns / 1e3 for name, durations_ns in hops_ns.items()}
 
     def finish(
         self, assignment: Assignment, *, slot: int, worker: str, weights_attempt: int
@@ -61,7 +85,7 @@ class EpisodeRecorder:
                 weights_version=assignment.weights_version,
                 failed=self._headers[-1].kind == FrameKind.FAILED,
                 deadline_misses=self._headers[-1].deadline_misses,
-                duration_ns=self._last_ns - self._first_ns,
+                duration_ns=self._received_ns[-1] - self._received_ns[0],
             ),
             frames=np.stack(self._frames),
             actions=np.array([header.applied_action for header in later], np.uint8),

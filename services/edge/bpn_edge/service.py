@@ -2,11 +2,13 @@
 
 import logging
 
+from bpn_edge.decisions import DecisionFeed
 from bpn_edge.driver import Choose, EpisodeDriver
 from bpn_edge.learner_link import LearnerLink
 from bpn_edge.memory import WeightMemory
 from bpn_edge.policy import epsilon_greedy_action, softmax_action
 from bpn_edge.robot_link import RobotLink
+from bpn_shared.bnn.blob import WeightBlob
 from bpn_shared.bus.weights import WeightsSubscriber
 from bpn_shared.config import RunConfig
 from bpn_shared.messages.base import MessageError
@@ -31,15 +33,20 @@ def serve(worker: Worker, config: RunConfig) -> int:
     """Plays what the learner assigns, until there is no more or the worker is stopped."""
     task = config.task_spec
     memory = WeightMemory(config.kernel, config.network, worker.counters)
-    weights = WeightsSubscriber(
-        worker.bus, worker.run, config.network, memory.offer, worker.counters
-    )
+
+    def load(blob: WeightBlob) -> None:
+        if memory.offer(blob):
+            worker.weights.note("loaded", blob)
+
+    weights = WeightsSubscriber(worker.bus, worker.run, config.network, load, worker.counters)
     period_s = task.control_period_s if config.pacing == "realtime" else 0.0
+    feed = DecisionFeed(worker)
     driver = EpisodeDriver(
         worker,
         task,
         RobotLink(worker, task),
         memory,
+        feed,
         steps=config.steps,
         silence_s=max(_SILENCE_S, 5 * period_s),
     )
@@ -61,9 +68,12 @@ def serve(worker: Worker, config: RunConfig) -> int:
             continue
         worker.waiting.done()
         assert memory.blob is not None  # activate() said so
+        worker.weights.note("running", memory.blob)
+        feed.scale = memory.blob.scale
         episode = driver.play(assignment, chooser(config, assignment, memory.blob.scale))
         if episode is not None:
             learner.deliver(episode)
+    feed.close()
     return EXIT_FINISHED
 
 

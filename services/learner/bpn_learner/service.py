@@ -10,6 +10,7 @@ from bpn_learner.reward import RewardError
 from bpn_learner.training import Training
 from bpn_learner.update import DivergenceError
 from bpn_shared import keys
+from bpn_shared.bnn.blob import WeightBlob
 from bpn_shared.bus.liveliness import Alive
 from bpn_shared.bus.metrics import MetricsPublisher
 from bpn_shared.bus.requests import Responder
@@ -48,6 +49,11 @@ def serve(worker: Worker, runs_dir: Path) -> int:
         return config.model_dump_json().encode()
 
     weights = WeightsPublisher(worker.bus, worker.run)
+
+    def publish(blob: WeightBlob) -> None:
+        weights.publish(blob)
+        worker.weights.note("published", blob)
+
     responders = [
         Responder(worker.bus, keys.config(worker.run), configuration, worker.counters),
         Responder(worker.bus, keys.next_episode(worker.run), next_episode, worker.counters),
@@ -58,7 +64,7 @@ def serve(worker: Worker, runs_dir: Path) -> int:
         folder,
         ledger,
         attempt=state.attempt,
-        publish=weights.publish,
+        publish=publish,
         report=MetricsPublisher(worker.bus, worker.run, "learner", worker.id).put,
         waiting=worker.waiting,
         stop=worker.stop,

@@ -6,6 +6,7 @@ it ticks at the control period whatever comes; without an action in time the rob
 
 import threading
 import time
+from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -13,14 +14,17 @@ from bpn_robot_sim.robot import Robot, make_robot
 from bpn_shared import keys
 from bpn_shared.bus.latest import LatestPublisher, LatestSubscriber, Sample
 from bpn_shared.bus.requests import Responder
+from bpn_shared.bus.sampled import SampledPublisher
 from bpn_shared.config import RunConfig
 from bpn_shared.messages.action import Action
 from bpn_shared.messages.base import MessageError
 from bpn_shared.messages.control import Reset, ResetReply
 from bpn_shared.messages.frame import NO_ACTION, FrameHeader, FrameKind
+from bpn_shared.messages.preview import PreviewHeader
 from bpn_shared.worker import EXIT_FINISHED, Worker, run_slot_worker
 
 _RESEND_S = 0.25
+_PREVIEW_HZ = 30.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,6 +42,10 @@ class RobotService:
         self._worker, self._config, self._robot = worker, config, robot
         self._task = config.task_spec
         self._frames = LatestPublisher(worker.bus, keys.frame(worker.run, worker.slot), "frame")
+        self._previews = SampledPublisher(
+            worker.bus, keys.preview(worker.run, worker.slot), _PREVIEW_HZ, _preview
+        )
+        self._seen: deque[bytes] = deque(maxlen=self._task.frames_stacked)
         self._actions = LatestSubscriber(worker.bus, keys.action(worker.run, worker.slot))
         self._lock = threading.Lock()
         self._current: Reset | None = None
@@ -57,6 +65,10 @@ class RobotService:
                 continue
             self._worker.waiting.done()
             self._play(reset)
+
+    def close(self) -> None:
+        """Stops showing what the robot's camera sees."""
+        self._previews.close()
 
     def _on_reset(self, body: bytes) -> bytes:
         reset = Reset.decode(body)
@@ -85,6 +97,7 @@ class RobotService:
         robot, hold = self._robot, self._task.hold_action
         realtime = self._config.pacing == "realtime"
         pixels = robot.reset(reset.seed).tobytes()
+        self._seen.extend([pixels] * self._task.frames_stacked)
         kind, step, applied, loop_ns, misses = FrameKind.FIRST, 0, NO_ACTION, 0, 0
         while True:
             header = FrameHeader(
@@ -102,6 +115,7 @@ class RobotService:
             misses += answer is None
             loop_ns = 0 if answer is None else answer.t_receive_ns - header.t_capture_ns
             pixels = robot.frame().tobytes()
+            self._seen.append(pixels)
             step += 1
             kind = FrameKind.MID
             if robot.terminated:
@@ -121,6 +135,7 @@ class RobotService:
                 return answer
             if not self._interrupted():
                 self._worker.waiting.set("an action from the edge")
+                self._worker.counters.add("frames_sent_again")
             self._repeat = False
         return None
 
@@ -176,11 +191,30 @@ class RobotService:
 
     def _send(self, header: FrameHeader, pixels: bytes) -> None:
         self._frames.put(pixels, header.encode())
+        if self._previews.watched:
+            self._previews.offer((header, tuple(self._seen)))
+
+
+def _preview(item: tuple[FrameHeader, tuple[bytes, ...]]) -> tuple[bytes, bytes]:
+    header, frames = item
+    preview = PreviewHeader(
+        channels=header.channels * len(frames),
+        frames_stacked=len(frames),
+        iteration=header.iteration,
+        episode=header.episode,
+        step=header.step,
+        t_capture_unix_ns=time.time_ns() - (time.monotonic_ns() - header.t_capture_ns),
+    )
+    return b"".join(frames), preview.encode()
 
 
 def serve(worker: Worker, config: RunConfig) -> int:
     """Runs the robot until the worker is stopped."""
-    RobotService(worker, config, make_robot(config.task)).run()
+    service = RobotService(worker, config, make_robot(config.task))
+    try:
+        service.run()
+    finally:
+        service.close()
     return EXIT_FINISHED
 
 

@@ -39,9 +39,11 @@ class LatestPublisher:
             congestion_control=zenoh.CongestionControl.DROP,
             priority=_PRIORITIES[kind],
         )
+        self._sent = bus.traffic.sent(key)
 
     def put(self, payload: bytes, attachment: bytes | None = None) -> None:
         self._publisher.put(payload, attachment=attachment)
+        self._sent.add(len(payload))
 
 
 OnMessage = Callable[[bytes, bytes, int], None]
@@ -55,11 +57,15 @@ class DirectSubscriber:
     """
 
     def __init__(self, bus: Bus, key: str, handler: OnMessage) -> None:
+        tally = bus.traffic.received(key)
+
         def receive(sample: zenoh.Sample) -> None:
             now_ns = time.monotonic_ns()
             attachment = sample.attachment
             header = b"" if attachment is None else attachment.to_bytes()
-            handler(header, sample.payload.to_bytes(), now_ns)
+            payload = sample.payload.to_bytes()
+            handler(header, payload, now_ns)
+            tally.add(len(payload))
 
         self._subscriber = bus.zenoh.declare_subscriber(
             key, zenoh.handlers.Callback(receive, indirect=False)
@@ -80,11 +86,14 @@ class LatestSubscriber:
         self._news.acquire()
         self.received = 0
         """Messages so far, taken or not."""
+        self._tally = bus.traffic.received(key)
         # The default handler would queue 256 stale frames instead of keeping the newest.
         self._subscriber = DirectSubscriber(bus, key, self._put)
 
     def _put(self, attachment: bytes, payload: bytes, t_receive_ns: int) -> None:
         with self._slot:
+            if self._sample is not None:
+                self._tally.dropped += 1
             self._sample = Sample(attachment, payload, t_receive_ns)
             self.received += 1
             self._tell()

@@ -24,11 +24,14 @@ class MetricsPublisher:
             congestion_control=zenoh.CongestionControl.DROP,
             priority=zenoh.Priority.BACKGROUND,
         )
+        self._sent = bus.traffic.sent(keys.metrics(run, kind, worker))
 
     def put(self, step: int, values: Mapping[str, float]) -> None:
         now_ns = time.time_ns()
         points = [Point(name=n, step=step, value=v, time_ns=now_ns) for n, v in values.items()]
-        self._publisher.put(MetricsBatch(points=points).encode())
+        payload = MetricsBatch(points=points).encode()
+        self._publisher.put(payload)
+        self._sent.add(len(payload))
 
 
 class MetricsSubscriber:

@@ -33,6 +33,8 @@ def request(bus: Bus, key: str, body: bytes, *, timeout_s: float) -> bytes:
         NoReplyError: nobody answered within `timeout_s`.
         RefusedError: the request was refused.
     """
+    tally = bus.traffic.sent(key)
+    tally.add(len(body))
     replies = bus.zenoh.get(
         key,
         payload=body,
@@ -48,6 +50,7 @@ def request(bus: Bus, key: str, body: bytes, *, timeout_s: float) -> bytes:
         if answer[:1] == _REFUSAL:
             raise RefusedError(answer[1:].decode(errors="replace"))
         return answer[1:]
+    tally.dropped += 1
     raise NoReplyError(f"no reply at {key} within {timeout_s} s")
 
 
@@ -66,11 +69,13 @@ class Responder:
         self._key = key
         self._handler = handler
         self._counters = counters
+        self._received = bus.traffic.received(key)
         self._queryable = bus.zenoh.declare_queryable(key, self._answer, complete=True)
 
     def _answer(self, query: zenoh.Query) -> None:
         with query:  # dropped at once: the asker waits for that
             body = query.payload.to_bytes() if query.payload is not None else b""
+            self._received.add(len(body))
             query.reply(self._key, self._reply_to(body))
 
     def _reply_to(self, body: bytes) -> bytes:

@@ -10,6 +10,8 @@ from typing import Self
 
 import zenoh
 
+from bpn_shared.bus.traffic import Traffic
+
 log = logging.getLogger(__name__)
 
 DEFAULT_ENDPOINT = "tcp/127.0.0.1:7447"
@@ -69,6 +71,7 @@ class Bus:
         sys.setswitchinterval(0.0005)
         zenoh.init_log_from_env_or("off")  # peers come and go here; what matters is logged by us
         self.endpoint = endpoint
+        self.traffic = Traffic()
         self.zenoh = _open(endpoint, deadline_s, stop or threading.Event())
 
     def __enter__(self) -> Self:

@@ -30,6 +30,7 @@ class WeightsPublisher:
 
     def __init__(self, bus: Bus, run: UUID) -> None:
         self._key = keys.weights(run)
+        self._sent = bus.traffic.sent(self._key)
         self._newest: tuple[bytes, bytes] | None = None
         self._publisher = bus.zenoh.declare_publisher(
             self._key,
@@ -42,6 +43,7 @@ class WeightsPublisher:
         header, data = _encode_header(blob), blob.encode()
         self._newest = header, data
         self._publisher.put(data, attachment=header)
+        self._sent.add(len(data))
 
     def _answer(self, query: zenoh.Query) -> None:
         with query:
@@ -75,6 +77,7 @@ class WeightsSubscriber:
         self._counters = counters
         self._lock = threading.Lock()
         self._highest = (-1, -1)
+        self._received = bus.traffic.received(keys.weights(run))
         self._subscriber = bus.zenoh.declare_subscriber(keys.weights(run), self._receive)
         self._learners = bus.zenoh.liveliness().declare_subscriber(
             keys.live("learner", "*"), self._learner_changed, history=True
@@ -103,7 +106,9 @@ class WeightsSubscriber:
                 rank = _decode_rank(header)
                 if rank <= self._highest:
                     return
-                blob = self._decode(sample.payload.to_bytes(), rank)
+                data = sample.payload.to_bytes()
+                self._received.add(len(data))
+                blob = self._decode(data, rank)
                 self._highest = rank
                 self._on_newer(blob)
         except BlobError as error:

@@ -9,7 +9,8 @@ from bpn_shared.messages.base import ULONG, Message
 Count = Annotated[int, Field(ge=0, lt=2**32)]
 Seed = Annotated[int, Field(ge=0, lt=ULONG)]
 WorkerId = Annotated[str, Field(min_length=1, max_length=64, pattern=r"^[a-z0-9-]+$")]
-Reason = Annotated[str, Field(max_length=500)]
+MAX_REASON = 500
+Reason = Annotated[str, Field(max_length=MAX_REASON)]
 
 
 class Reset(Message):

@@ -5,7 +5,9 @@ import sys
 
 import pytest
 
-from bpn_shared.service import Counters, Waiting, health_report
+from bpn_shared.bus.traffic import Traffic
+from bpn_shared.service import Counters, Waiting
+from bpn_shared.telemetry import Latencies, Reporter, WeightsMarks
 
 
 def test_a_flood_of_refusals_is_counted_and_logged_by_powers_of_ten(
@@ -21,15 +23,25 @@ def test_a_flood_of_refusals_is_counted_and_logged_by_powers_of_ten(
 def test_waiting_is_said_once_and_reported(caplog: pytest.LogCaptureFixture) -> None:
     caplog.set_level(logging.INFO)
     waiting, counters = Waiting(), Counters()
-    report = health_report("edge", waiting, counters)
+    reporter = Reporter(
+        "edge",
+        "edge-1",
+        lambda: (None, 3),
+        Traffic(),
+        waiting=waiting,
+        counters=counters,
+        latencies=Latencies(),
+        weights=WeightsMarks(),
+    )
     waiting.set("a frame")
     waiting.set("a frame")
     assert [r.message for r in caplog.records] == ["waiting for a frame"]
     counters.add("frames", 2)
-    said = json.loads(report(b""))
+    said = json.loads(reporter.answer(b""))
+    assert (said["kind"], said["worker"], said["run"], said["slot"]) == ("edge", "edge-1", None, 3)
     assert (said["waiting_for"], said["counters"]) == ("a frame", {"frames": 2})
     waiting.done()
-    assert json.loads(report(b""))["waiting_for"] is None
+    assert json.loads(reporter.answer(b""))["waiting_for"] is None
 
 
 def test_a_signal_while_the_main_thread_holds_the_events_lock_does_not_deadlock() -> None:

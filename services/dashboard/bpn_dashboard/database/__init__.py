@@ -1,0 +1,1 @@
+"""The index over the run folders: engine, tables, and the schema's migrations."""

@@ -1,0 +1,145 @@
+"""One database: SQLite in write-ahead mode by default, or whatever a SQLAlchemy URL names."""
+
+import sqlite3
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import psutil
+from alembic import command
+from alembic.config import Config
+from alembic.runtime.migration import MigrationContext
+from alembic.script import ScriptDirectory
+from sqlalchemy import Connection, Engine, create_engine, event
+from sqlalchemy.engine import make_url
+from sqlalchemy.exc import ArgumentError, NoSuchModuleError, OperationalError
+from sqlalchemy.orm import Session
+from sqlalchemy.pool import ConnectionPoolEntry
+
+MIGRATIONS = Path(__file__).with_name("migrations")
+
+_BUSY_TIMEOUT_MS = 5000
+_NETWORK_FILE_SYSTEMS = (
+    "9p", "afs", "ceph", "cifs", "fuse.", "glusterfs", "gpfs", "lustre", "nfs", "smb",
+)  # fmt: skip
+_BEGIN = "sqlite_begin"
+
+
+class DatabaseError(RuntimeError):
+    """The database cannot be used; the message says why and what to do."""
+
+
+class Database:
+    """Sessions for reading, from any number of threads, and for writing, one at a time.
+
+    Objects that a session has loaded stay readable after it ends.
+
+    Args:
+        url: a SQLAlchemy URL; for SQLite a file's, such as `sqlite:////data/dashboard.sqlite`.
+
+    Raises:
+        DatabaseError: the URL is wrong, the database cannot be opened, or a newer program wrote it.
+    """
+
+    def __init__(self, url: str) -> None:
+        try:
+            self._engine = create_engine(url)
+        except (ArgumentError, NoSuchModuleError, ModuleNotFoundError) as error:
+            raise DatabaseError(
+                f"{url!r} is no database that can be used: {error}. "
+                "An example of one: sqlite:////data/dashboard.sqlite"
+            ) from error
+        self._writer = threading.Lock()
+        if self._engine.dialect.name == "sqlite":
+            _configure_sqlite(self._engine)
+        try:
+            self._upgrade()
+        except OperationalError as error:
+            raise DatabaseError(f"{self}: {error.orig}") from error
+
+    def __str__(self) -> str:
+        return f"the database {self._engine.url.render_as_string(hide_password=True)}"
+
+    @contextmanager
+    def reading(self) -> Iterator[Session]:
+        """A session that sees one consistent state."""
+        with Session(self._engine, expire_on_commit=False) as session:
+            yield session
+
+    @contextmanager
+    def writing(self) -> Iterator[Session]:
+        """The one session that may write; commits at the end, and nothing of it if the body raises."""
+        with self._writer, self._engine.connect() as connection:
+            # the lock from the beginning: one that is upgraded later can fail where others write too
+            connection.execution_options(**{_BEGIN: "BEGIN IMMEDIATE"})
+            with Session(connection, expire_on_commit=False) as session, session.begin():
+                yield session
+            connection.commit()
+
+    def close(self) -> None:
+        self._engine.dispose()
+
+    def _upgrade(self) -> None:
+        config = Config()
+        config.set_main_option("script_location", str(MIGRATIONS).replace("%", "%%"))
+        known = {script.revision for script in ScriptDirectory.from_config(config).walk_revisions()}
+        with self._engine.connect() as connection:
+            if self._engine.dialect.name == "sqlite":
+                # A changed table is copied and renamed, and its rows must not cascade away meanwhile.
+                _pragma(connection, "foreign_keys = OFF")
+            for revision in MigrationContext.configure(connection).get_current_heads():
+                if revision not in known:
+                    raise DatabaseError(
+                        f"{self} has schema {revision!r}, which this program does not know: a newer one "
+                        "wrote it. Use that version, or another database and `bpn dashboard reindex`"
+                    )
+            config.attributes["connection"] = connection
+            command.upgrade(config, "head")
+            connection.commit()
+        self._engine.dispose()  # with its pragma
+
+
+def _pragma(connection: Connection, statement: str) -> None:
+    raw = connection.connection.driver_connection  # below SQLAlchemy's transaction
+    assert isinstance(raw, sqlite3.Connection)
+    raw.execute(f"PRAGMA {statement}")
+
+
+def _configure_sqlite(engine: Engine) -> None:
+    file = engine.url.database
+    if not file or file == ":memory:":
+        raise DatabaseError("SQLite needs a file, such as sqlite:////data/dashboard.sqlite")
+    path = Path(file).resolve()
+    path.parent.mkdir(parents=True, exist_ok=True)
+    journal = "DELETE" if is_on_network(path) else "WAL"  # WAL needs memory shared by all its users
+
+    def connected(raw: sqlite3.Connection, _entry: ConnectionPoolEntry) -> None:
+        raw.isolation_level = None  # transactions begin where SQLAlchemy says
+        for pragma in (
+            f"busy_timeout = {_BUSY_TIMEOUT_MS}",
+            f"journal_mode = {journal}",
+            "synchronous = NORMAL",
+            "foreign_keys = ON",
+        ):
+            raw.execute(f"PRAGMA {pragma}")
+
+    def begin(connection: Connection) -> None:
+        connection.exec_driver_sql(connection.get_execution_options().get(_BEGIN, "BEGIN"))
+
+    event.listen(engine, "connect", connected)
+    event.listen(engine, "begin", begin)
+
+
+def is_on_network(path: Path) -> bool:
+    """Whether a file is, or would be, on a network file system."""
+    mounts = {part.mountpoint: part.fstype for part in psutil.disk_partitions(all=True)}
+    for folder in path.parents:
+        if (kind := mounts.get(str(folder))) is not None:
+            return kind.startswith(_NETWORK_FILE_SYSTEMS)
+    return False
+
+
+def sqlite_url(file: Path) -> str:
+    """The URL of a SQLite file."""
+    return make_url("sqlite://").set(database=str(file.absolute())).render_as_string()

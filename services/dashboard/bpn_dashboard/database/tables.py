@@ -1,0 +1,101 @@
+"""The tables. Run folders are the truth; what stands here can be rebuilt from them.
+
+Times are Unix seconds. A `config` is a `RunConfig` as JSON.
+"""
+
+from typing import Any
+
+from sqlalchemy import JSON, BigInteger, ForeignKey, Index, MetaData
+from sqlalchemy.orm import DeclarativeBase, Mapped, mapped_column
+
+
+class Base(DeclarativeBase):
+    """What all tables share. Constraints have names so that later migrations can change them."""
+
+    metadata = MetaData(
+        naming_convention={
+            "ix": "ix_%(table_name)s_%(column_0_N_name)s",
+            "uq": "uq_%(table_name)s_%(column_0_N_name)s",
+            "fk": "fk_%(table_name)s_%(column_0_N_name)s_%(referred_table_name)s",
+            "pk": "pk_%(table_name)s",
+        }
+    )
+    type_annotation_map = {  # noqa: RUF012 - as SQLAlchemy wants it
+        dict[str, Any]: JSON,
+        dict[str, list[Any]]: JSON,
+        list[str]: JSON,
+        list[int]: JSON,
+    }
+
+
+class SweepRow(Base):
+    """A grid over configuration keys, times seeds; its runs name it."""
+
+    __tablename__ = "sweeps"
+
+    id: Mapped[str] = mapped_column(primary_key=True)
+    name: Mapped[str]
+    config: Mapped[dict[str, Any]]
+    """The task, and what is changed from its preset in every run."""
+    grid: Mapped[dict[str, list[Any]]]
+    seeds: Mapped[list[int]]
+    created_at: Mapped[float]
+
+
+class RunRow(Base):
+    """A run: what was asked for, and what was last seen of it.
+
+    `rev` counts the changes that people make (name, notes, tags, archived, wanted or not), not what the
+    run itself does: who edits a running run's notes must not collide with its progress.
+    """
+
+    __tablename__ = "runs"
+    __table_args__ = (
+        Index(None, "created_at", "id"),
+        Index(None, "state"),
+        Index(None, "sweep_id"),
+    )
+
+    id: Mapped[str] = mapped_column(primary_key=True)
+    name: Mapped[str]
+    task: Mapped[str]
+    algorithm: Mapped[str]
+    seed: Mapped[int] = mapped_column(BigInteger)
+    config: Mapped[dict[str, Any]]
+    config_hash: Mapped[str]
+    """SHA-256 of the configuration as canonical JSON."""
+
+    state: Mapped[str]
+    desired_state: Mapped[str]
+    attempt: Mapped[int]
+    iteration: Mapped[int]
+    """Iterations done."""
+    iterations: Mapped[int]
+    weights_version: Mapped[int | None]
+    return_px_last: Mapped[float | None]
+    return_px_best: Mapped[float | None]
+    return_px_mean_last_5: Mapped[float | None]
+    length_last: Mapped[float | None]
+    error: Mapped[str]
+
+    notes: Mapped[str]
+    tags: Mapped[list[str]]
+    sweep_id: Mapped[str | None] = mapped_column(ForeignKey(SweepRow.id))
+    archived_at: Mapped[float | None]
+    created_at: Mapped[float]
+    updated_at: Mapped[float]
+    rev: Mapped[int]
+
+
+class AuditRow(Base):
+    """Who asked for what, and when."""
+
+    __tablename__ = "audit"
+
+    id: Mapped[int] = mapped_column(primary_key=True)
+    at: Mapped[float]
+    actor: Mapped[str]
+    action: Mapped[str]
+    subject: Mapped[str] = mapped_column(index=True)
+    """The id of the run or sweep."""
+    detail: Mapped[dict[str, Any]]

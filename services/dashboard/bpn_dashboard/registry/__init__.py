@@ -1,0 +1,1 @@
+"""Which runs there are, which are wanted, and who works on them."""

@@ -1,0 +1,90 @@
+"""What people say about a run, and what they want of it: `about.json` beside the run's own files.
+
+The database has the same; this copy lets it be rebuilt. The registry alone writes it.
+"""
+
+from pathlib import Path
+from typing import Annotated, Any, Self
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from bpn_dashboard.database.tables import RunRow, SweepRow
+from bpn_dashboard.registry.states import DesiredState
+from bpn_shared.config import ConfigError
+from bpn_shared.run_folder import RunFolder, write_atomically
+
+SWEEPS = "sweeps"
+"""Folder of the sweeps' files, beside the run folders."""
+
+
+class About(BaseModel):
+    """The mirrored columns of `RunRow`."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", from_attributes=True)
+
+    name: str = ""
+    notes: str = ""
+    tags: list[str] = []
+    sweep_id: str | None = None
+    archived_at: float | None = None
+    desired_state: DesiredState = "stopped"
+    """A run that another program made is not ours to start."""
+    rev: Annotated[int, Field(ge=1)] = 1
+
+    @classmethod
+    def read(cls, folder: RunFolder) -> Self:
+        """What is said about a run; the defaults if nobody said anything.
+
+        Raises:
+            ConfigError: the file is damaged.
+        """
+        path = _path(folder)
+        try:
+            return cls.model_validate_json(path.read_bytes())
+        except FileNotFoundError:
+            return cls()
+        except (OSError, ValidationError) as error:
+            raise ConfigError(f"{path}: {error}") from error
+
+    @classmethod
+    def write(cls, folder: RunFolder, row: RunRow) -> None:
+        """Mirrors the row."""
+        about = cls.model_validate(row)
+        write_atomically(_path(folder), about.model_dump_json(indent=2).encode())
+
+
+class SweepFile(BaseModel):
+    """A sweep's row as a file."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", from_attributes=True)
+
+    id: str
+    name: str
+    config: dict[str, Any]
+    grid: dict[str, list[Any]]
+    seeds: list[int]
+    created_at: float
+
+    @classmethod
+    def write(cls, runs_dir: Path, row: SweepRow) -> None:
+        """Mirrors the row."""
+        folder = runs_dir / SWEEPS
+        folder.mkdir(parents=True, exist_ok=True)
+        data = cls.model_validate(row).model_dump_json(indent=2).encode()
+        write_atomically(folder / f"{row.id}.json", data)
+
+    @classmethod
+    def read(cls, path: Path) -> SweepRow:
+        """The row that the file mirrors.
+
+        Raises:
+            ConfigError: the file is damaged.
+        """
+        try:
+            return SweepRow(**cls.model_validate_json(path.read_bytes()).model_dump())
+        except (OSError, ValidationError) as error:
+            raise ConfigError(f"{path}: {error}") from error
+
+
+def _path(folder: RunFolder) -> Path:
+    return folder.path / "about.json"

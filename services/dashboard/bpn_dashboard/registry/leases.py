@@ -1,0 +1,229 @@
+"""Who works where: a book of leases without a network.
+
+A place is one role in one run: its learner, or the robot or edge of one of its slots. A lease is a worker's
+token at a place, or a grant so young that its token may still come. So whoever reads all tokens knows all
+leases, and a registry that was restarted goes on where the last one stopped.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+from uuid import UUID
+
+from bpn_shared.messages.lease import Role
+
+GRANT_S = 5.0
+"""How long a granted place is kept for a worker whose token has not come."""
+PATIENCE_S = 10.0
+"""How long a robot without its edge, or one without a learner, is left where it is."""
+
+_PARTNER: dict[Role, Role] = {"robot_sim": "edge", "edge": "robot_sim"}
+
+
+class Place(NamedTuple):
+    """A role in a run; a learner's slot is 0."""
+
+    run: UUID
+    role: Role
+    slot: int
+
+    @property
+    def learner(self) -> "Place":
+        """The place of this run's learner."""
+        return Place(self.run, "learner", 0)
+
+    @property
+    def partner(self) -> "Place":
+        """A robot's edge, an edge's robot."""
+        return Place(self.run, _PARTNER[self.role], self.slot)
+
+
+class Demand(NamedTuple):
+    """A run that wants workers: a learner, and a robot with its edge for every slot."""
+
+    run: UUID
+    slots: int
+
+
+@dataclass
+class Lease:
+    """A worker at a place, since when, and whether its token was seen there."""
+
+    worker: str
+    since_s: float
+    confirmed: bool
+
+
+class LeaseBook:
+    """The leases of all runs. Times are seconds of any clock that does not jump; not thread-safe."""
+
+    def __init__(self) -> None:
+        self._demands: dict[UUID, tuple[int, int]] = {}  # its rank in the queue and its slots
+        self._leases: dict[Place, Lease] = {}
+        self._surplus: dict[Place, list[str]] = {}  # whose token came to a place that was taken
+        self._left_s: dict[Place, float] = {}  # when a place was last left
+        self._labels: dict[str, str] = {}
+        self._quiet_until_s = float("-inf")
+
+    def demand(self, runs: Sequence[Demand]) -> None:
+        """Sets which runs want workers, those to serve first first."""
+        self._demands = {run.run: (rank, run.slots) for rank, run in enumerate(runs)}
+        known = self._demands.keys() | self.runs()
+        self._left_s = {place: t for place, t in self._left_s.items() if place.run in known}
+
+    def quiet(self, until_s: float) -> None:
+        """Grants nothing before then: tokens that stand may not all have been seen yet."""
+        self._quiet_until_s = until_s
+
+    # Tokens
+
+    def appeared(self, place: Place, worker: str, now_s: float) -> None:
+        """A worker's token is at a place."""
+        lease = self._leases.get(place)
+        if lease is not None and lease.confirmed and lease.worker != worker:
+            if worker not in self._surplus.setdefault(place, []):
+                self._surplus[place].append(worker)
+        else:  # in place of a grant to another, whose token would be the second one
+            self._leases[place] = Lease(worker, now_s, confirmed=True)
+
+    def vanished(self, place: Place, worker: str, now_s: float) -> None:
+        """A worker's token is gone from a place."""
+        if worker in self._surplus.get(place, ()):
+            self._surplus[place].remove(worker)
+        elif self.holder(place) == worker:
+            self._leave(place, now_s)
+
+    def gone(self, worker: str) -> None:
+        """A worker has died, or will not ask again."""
+        self._labels.pop(worker, None)
+
+    def _leave(self, place: Place, now_s: float) -> None:
+        del self._leases[place]
+        self._left_s[place] = now_s
+        if surplus := self._surplus.get(place):
+            self._leases[place] = Lease(surplus.pop(0), now_s, confirmed=True)
+
+    # Questions
+
+    def holder(self, place: Place) -> str | None:
+        """Who has a lease there."""
+        lease = self._leases.get(place)
+        return None if lease is None else lease.worker
+
+    def is_confirmed(self, place: Place) -> bool:
+        """Whether someone's token is there."""
+        lease = self._leases.get(place)
+        return lease is not None and lease.confirmed
+
+    def runs(self) -> set[UUID]:
+        """The runs that someone has a lease of."""
+        return {place.run for place in self._leases}
+
+    # Leases
+
+    def ask(
+        self,
+        role: Role,
+        worker: str,
+        label: str,
+        now_s: float,
+        admit: Callable[[Place], bool] = lambda _place: True,
+    ) -> Place | None:
+        """Gives an idle worker the place where it is needed most; None: nowhere now.
+
+        Who asks has nothing in hand: what the book says it has is void.
+
+        Args:
+            label: where the worker runs; a robot and an edge with equal labels are put together, because
+                they share a core. Empty: anywhere.
+            admit: asked last, whether a place may be given away.
+        """
+        self._labels[worker] = label
+        self.expire(now_s)
+        for place in list(self._leases):
+            self.vanished(place, worker, now_s)
+        if now_s < self._quiet_until_s:
+            return None
+        candidates = sorted(self._vacant(role), key=lambda p: self._urgency(p, label, now_s))
+        place = next(filter(admit, candidates), None)
+        if place is not None:
+            self._leases[place] = Lease(worker, now_s, confirmed=False)
+        return place
+
+    def expire(self, now_s: float) -> None:
+        """Drops grants that no token followed in time."""
+        for place, lease in list(self._leases.items()):
+            if not lease.confirmed and now_s - lease.since_s > GRANT_S:
+                del self._leases[place]
+
+    def _vacant(self, role: Role) -> Iterator[Place]:
+        """The wanted places of a role that nobody has; slots only of runs that have a learner."""
+        for run, (_, slots) in self._demands.items():
+            learner = Place(run, "learner", 0)
+            if role == "learner":
+                places = [learner]
+            elif learner in self._leases:
+                places = [Place(run, role, slot) for slot in range(slots)]
+            else:
+                places = []
+            yield from (place for place in places if place not in self._leases)
+
+    def _urgency(self, place: Place, label: str, now_s: float) -> tuple[int, int, int]:
+        """Smaller is more urgent: pairs are completed first, then every run gets its first slot."""
+        rank, _ = self._demands[place.run]
+        if place.role == "learner":
+            return 0, 0, rank
+        return self._fit(place, label, now_s), place.slot, rank
+
+    def _fit(self, place: Place, label: str, now_s: float) -> int:
+        partner = self._leases.get(place.partner)
+        if partner is None:
+            return 2
+        partner_label = self._labels.get(partner.worker, "")
+        if label and label == partner_label:
+            return 0
+        if not label or not partner_label or self._missing_s(place, partner, now_s) > PATIENCE_S:
+            return 1
+        return 3  # the one that runs beside the partner will probably ask soon
+
+    def _missing_s(self, place: Place, lease: Lease, now_s: float) -> float:
+        """For how long a lease's worker has been without the one who should be at `place`."""
+        if place in self._leases:
+            return 0.0
+        return now_s - max(lease.since_s, self._left_s.get(place, lease.since_s))
+
+    # Ends
+
+    def to_release(self, now_s: float) -> list[tuple[Place, str]]:
+        """The leases that shall end: those that nobody wants, second ones, and those in vain."""
+        leases = [(place, lease.worker) for place, lease in self._leases.items() if lease.confirmed]
+        unwanted = [(place, worker) for place, worker in leases if not self._is_wanted(place)]
+        in_vain = [(place, worker) for place, worker in leases if self._is_in_vain(place, now_s)]
+        surplus = [(place, worker) for place, workers in self._surplus.items() for worker in workers]
+        return unwanted + surplus + in_vain
+
+    def _is_wanted(self, place: Place) -> bool:
+        demand = self._demands.get(place.run)
+        return demand is not None and place.slot < (1 if place.role == "learner" else demand[1])
+
+    def _is_in_vain(self, place: Place, now_s: float) -> bool:
+        """Whether a robot or an edge waits here for others while elsewhere others wait for it.
+
+        With few workers one run could keep the robot and another the edge, and neither go on.
+        """
+        if place.role == "learner" or not self._is_wanted(place):
+            return False
+        lease = self._leases[place]
+        if self._missing_s(place.learner, lease, now_s) > PATIENCE_S:
+            return any(True for _ in self._vacant(place.role))
+        if self._missing_s(place.partner, lease, now_s) <= PATIENCE_S:
+            return False
+        return any(
+            self._precedence(vacancy) < self._precedence(place)
+            and (partner := self._leases.get(vacancy.partner)) is not None
+            and self._missing_s(vacancy, partner, now_s) > PATIENCE_S
+            for vacancy in self._vacant(place.role)
+        )
+
+    def _precedence(self, place: Place) -> tuple[int, int]:
+        return self._demands[place.run][0], place.slot

@@ -1,0 +1,142 @@
+"""Which runs, in which order, from where on: filters and keyset pages.
+
+A page continues after the last row of the one before it, not at a count, so that runs which are made
+meanwhile neither repeat nor hide others.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from pydantic import TypeAdapter, ValidationError
+from sqlalchemy import ColumnElement, Select, String, and_, cast, func, or_, select
+from sqlalchemy.orm import InstrumentedAttribute, Session
+
+from bpn_dashboard.database.tables import RunRow
+from bpn_dashboard.registry.errors import FilterError
+from bpn_shared.config import RunConfig
+
+SORT_KEYS: dict[str, InstrumentedAttribute[Any]] = {
+    column.key: column
+    for column in (
+        RunRow.created_at, RunRow.updated_at, RunRow.name, RunRow.state, RunRow.task,
+        RunRow.algorithm, RunRow.seed, RunRow.iteration, RunRow.return_px_last,
+        RunRow.return_px_best, RunRow.return_px_mean_last_5,
+    )
+}  # fmt: skip
+
+Cursor = tuple[str | float | None, str]
+"""Sort value and id of a page's last row. JSON can carry it."""
+
+
+@dataclass(frozen=True)
+class RunFilter:
+    """Conditions that a run must all meet.
+
+    Attributes:
+        search: part of its name, notes, tags or id, in any case.
+        states: one of these; empty: any.
+        archived: whether it is archived; None: either.
+        config: configuration keys with the value that they must have, as text.
+    """
+
+    search: str = ""
+    states: tuple[str, ...] = ()
+    task: str | None = None
+    algorithm: str | None = None
+    sweep_id: str | None = None
+    archived: bool | None = False
+    config: Mapping[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Page:
+    """Some of the runs; `next_after` continues, `total` counts all that meet the filter."""
+
+    rows: list[RunRow]
+    next_after: Cursor | None
+    total: int
+
+
+def find_page(
+    session: Session,
+    runs: RunFilter,
+    *,
+    sort: str,
+    descending: bool,
+    after: Cursor | None,
+    limit: int,
+) -> Page:
+    """A page of runs; those without a value of the sort key come last.
+
+    Raises:
+        FilterError: the sort key or a configuration key is unknown, or a value cannot be one.
+    """
+    if sort not in SORT_KEYS:
+        raise FilterError(f"sort = {sort!r} is unknown; one of: {', '.join(SORT_KEYS)}")
+    key = SORT_KEYS[sort]
+    where = conditions(runs)
+    total = session.scalar(select(func.count()).select_from(RunRow).where(*where)) or 0
+    query: Select[tuple[RunRow]] = select(RunRow).where(*where)
+    if after is not None:
+        query = query.where(_behind(key, descending, after))
+    query = query.order_by(
+        key.is_(None),
+        key.desc() if descending else key.asc(),
+        RunRow.id.desc() if descending else RunRow.id.asc(),
+    )
+    rows = list(session.scalars(query.limit(limit + 1)))
+    more, rows = len(rows) > limit, rows[:limit]
+    return Page(rows, (getattr(rows[-1], sort), rows[-1].id) if more else None, total)
+
+
+def _behind(
+    key: InstrumentedAttribute[Any], descending: bool, after: Cursor
+) -> ColumnElement[bool]:
+    value, run_id = after
+    later_id = RunRow.id < run_id if descending else RunRow.id > run_id
+    if value is None:
+        return and_(key.is_(None), later_id)
+    later = key < value if descending else key > value
+    return or_(later, and_(key == value, later_id), key.is_(None))
+
+
+def conditions(runs: RunFilter) -> list[ColumnElement[bool]]:
+    """The filter as SQL conditions.
+
+    Raises:
+        FilterError: a configuration key is unknown, or a value cannot be one of that key.
+    """
+    found: list[ColumnElement[bool]] = []
+    if runs.search:
+        texts = (RunRow.name, RunRow.notes, RunRow.id, cast(RunRow.tags, String))
+        found.append(or_(*(text.icontains(runs.search, autoescape=True) for text in texts)))
+    if runs.states:
+        found.append(RunRow.state.in_(runs.states))
+    for column, value in (
+        (RunRow.task, runs.task), (RunRow.algorithm, runs.algorithm), (RunRow.sweep_id, runs.sweep_id)
+    ):  # fmt: skip
+        if value is not None:
+            found.append(column == value)
+    if runs.archived is not None:
+        given = RunRow.archived_at.is_not(None)
+        found.append(given if runs.archived else RunRow.archived_at.is_(None))
+    return found + [_config_is(key, text) for key, text in runs.config.items()]
+
+
+def _config_is(key: str, text: str) -> ColumnElement[bool]:
+    if key not in RunConfig.model_fields:
+        raise FilterError(f"config.{key} is unknown; one of: {', '.join(RunConfig.model_fields)}")
+    kind = RunConfig.model_fields[key].annotation
+    try:
+        value = TypeAdapter(kind).validate_python(text)
+    except ValidationError as error:
+        raise FilterError(f"config.{key} = {text!r}: {error.errors()[0]['msg']}") from error
+    stored = RunRow.config[key]
+    if isinstance(value, bool):
+        return stored.as_boolean() == value
+    if isinstance(value, int):
+        return stored.as_integer() == value
+    if isinstance(value, float):
+        return stored.as_float() == value
+    return stored.as_string() == value

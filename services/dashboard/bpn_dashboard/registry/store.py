@@ -1,0 +1,381 @@
+"""The runs: made, found, wanted or not wanted any more. Folder and database change together here."""
+
+import hashlib
+import json
+import time
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+from uuid import UUID
+
+import uuid_utils
+from sqlalchemy import func, select
+from sqlalchemy.orm import Session
+
+from bpn_dashboard.database.engine import Database
+from bpn_dashboard.database.tables import AuditRow, RunRow, SweepRow
+from bpn_dashboard.registry.about import About, SweepFile
+from bpn_dashboard.registry.errors import (
+    RunBusyError,
+    RunStateError,
+    StaleError,
+    UnknownRunError,
+    UnknownSweepError,
+)
+from bpn_dashboard.registry.query import Cursor, Page, RunFilter, conditions, find_page
+from bpn_dashboard.registry.states import OVER, is_busy, observed
+from bpn_dashboard.registry.sweeps import expand
+from bpn_shared.config import RunConfig
+from bpn_shared.run_folder import RunFolder
+
+Changes = Mapping[str, Any]
+"""Columns of `RunRow` with new values."""
+
+Listener = Callable[[Sequence[RunRow]], None]
+"""Takes the rows that have changed, on the thread that changed them: it must be quick."""
+
+
+class RunStore:
+    """All runs of one runs directory. Its methods may be called from any thread; rows are for reading.
+
+    Changes by people name an `actor` for the audit.
+
+    Args:
+        runs_dir: where the run folders are.
+    """
+
+    def __init__(self, database: Database, runs_dir: Path) -> None:
+        self._database = database
+        self.runs_dir = runs_dir
+        self._listeners: list[Listener] = []
+
+    def subscribe(self, listener: Listener) -> None:
+        """From now on `listener` hears of every change, after it is stored."""
+        self._listeners.append(listener)
+
+    def folder(self, run_id: str) -> RunFolder:
+        """The folder of a run, which has an id as the registry makes them."""
+        return RunFolder(self.runs_dir / str(UUID(run_id)))
+
+    # Runs: read
+
+    def get(self, run_id: str) -> RunRow:
+        """A run.
+
+        Raises:
+            UnknownRunError: there is none of that id.
+        """
+        with self._database.reading() as session:
+            return _run(session, run_id)
+
+    def page(
+        self,
+        runs: RunFilter | None = None,
+        *,
+        sort: str = "created_at",
+        descending: bool = True,
+        after: Cursor | None = None,
+        limit: int = 50,
+    ) -> Page:
+        """Some of the runs that meet a filter (by default those not archived), in order.
+
+        Raises:
+            FilterError: the filter, sort key or cursor is none; the message says which.
+        """
+        with self._database.reading() as session:
+            return find_page(
+                session, runs or RunFilter(),
+                sort=sort, descending=descending, after=after, limit=limit,
+            )  # fmt: skip
+
+    def find(self, runs: RunFilter | None = None) -> list[RunRow]:
+        """All runs that meet a filter, oldest first.
+
+        Raises:
+            FilterError: the filter is none; the message says why.
+        """
+        with self._database.reading() as session:
+            where = conditions(runs or RunFilter())
+            return list(session.scalars(select(RunRow).where(*where).order_by(RunRow.created_at)))
+
+    # Runs: change
+
+    def create(
+        self,
+        config: RunConfig,
+        *,
+        name: str = "",
+        notes: str = "",
+        tags: Sequence[str] = (),
+        actor: str,
+    ) -> RunRow:
+        """A new run, in the queue for workers."""
+        row = self._new_run(config, name=name, notes=notes, tags=tags, sweep_id=None)
+        with self._database.writing() as session:
+            session.add(row)
+            _audit(session, actor, "create", row.id, config=row.config)
+        self._tell([row])
+        return row
+
+    def _new_run(
+        self,
+        config: RunConfig,
+        *,
+        name: str,
+        notes: str = "",
+        tags: Sequence[str] = (),
+        sweep_id: str | None,
+    ) -> RunRow:
+        run_id = _new_id()
+        folder = RunFolder.create(self.runs_dir, UUID(run_id), config)
+        row = row_of(folder, About(name=name, notes=notes, tags=list(tags), sweep_id=sweep_id,
+                                   desired_state="running"))  # fmt: skip
+        About.write(folder, row)
+        return row
+
+    def update(
+        self,
+        run_id: str,
+        rev: int,
+        *,
+        name: str | None = None,
+        notes: str | None = None,
+        tags: Sequence[str] | None = None,
+        actor: str,
+    ) -> RunRow:
+        """Changes what people say about a run; None leaves it.
+
+        Raises:
+            UnknownRunError: there is none of that id.
+            StaleError: it is no longer at `rev`.
+        """
+        given = {"name": name, "notes": notes, "tags": None if tags is None else list(tags)}
+        changes = {key: value for key, value in given.items() if value is not None}
+
+        def decide(row: RunRow) -> Changes:
+            if row.rev != rev:
+                raise StaleError(
+                    f"run {run_id} is at revision {row.rev}, not {rev}: read it again and repeat"
+                )
+            return changes
+
+        return self._edit(run_id, "update", actor, decide)
+
+    def request_stop(self, run_id: str, actor: str) -> RunRow:
+        """Nobody shall work on the run any more; whoever does is told to stop. Harmless if it is over.
+
+        Raises:
+            UnknownRunError: there is none of that id.
+        """
+
+        def decide(row: RunRow) -> Changes:
+            if row.state in OVER:
+                return {}
+            state = "stopping" if is_busy(row.state) else "stopped"
+            return {"desired_state": "stopped", "state": state}
+
+        return self._edit(run_id, "stop", actor, decide)
+
+    def request_resume(self, run_id: str, actor: str) -> RunRow:
+        """Workers shall go on with the run from where its folder stands.
+
+        Raises:
+            UnknownRunError: there is none of that id.
+            RunStateError: it has done all its iterations, or is archived.
+        """
+
+        def decide(row: RunRow) -> Changes:
+            if row.state == "finished":
+                raise RunStateError(f"run {run_id} is finished: all its iterations are done")
+            if row.archived_at is not None:
+                raise RunStateError(f"run {run_id} is archived: take it out of the archive first")
+            if is_busy(row.state):
+                return {"desired_state": "running"}
+            self.folder(run_id).set_state("queued")
+            return {"desired_state": "running", "state": "queued", "error": ""}
+
+        return self._edit(run_id, "resume", actor, decide)
+
+    def archive(self, run_id: str, actor: str) -> RunRow:
+        """Takes the run out of sight; `unarchive` brings it back. Nothing is deleted.
+
+        Raises:
+            UnknownRunError: there is none of that id.
+            RunBusyError: workers are on it, or will be.
+        """
+
+        def decide(row: RunRow) -> Changes:
+            if row.state == "queued" or is_busy(row.state):
+                raise RunBusyError(f"run {run_id} is {row.state}: stop it before archiving it")
+            return {"archived_at": row.archived_at or time.time()}
+
+        return self._edit(run_id, "archive", actor, decide)
+
+    def unarchive(self, run_id: str, actor: str) -> RunRow:
+        """Brings an archived run back.
+
+        Raises:
+            UnknownRunError: there is none of that id.
+        """
+        return self._edit(run_id, "unarchive", actor, lambda _row: {"archived_at": None})
+
+    def _edit(
+        self, run_id: str, action: str, actor: str, decide: Callable[[RunRow], Changes]
+    ) -> RunRow:
+        """Makes the changes that `decide` finds for the row as it is now; nothing if it raises."""
+        with self._database.writing() as session:
+            row = _run(session, run_id)
+            changes = decide(row)
+            if not _apply(row, changes):
+                return row
+            row.rev += 1
+            _audit(session, actor, action, run_id, **changes)
+            About.write(self.folder(run_id), row)
+        self._tell([row])
+        return row
+
+    def observe(self, observations: Mapping[str, Changes]) -> list[RunRow]:
+        """Stores what was seen of runs (id to columns); returns the rows that it changed."""
+        changed = []
+        with self._database.writing() as session:
+            for run_id, seen in observations.items():
+                row = _run(session, run_id)
+                if _apply(row, seen):
+                    changed.append(row)
+        self._tell(changed)
+        return changed
+
+    def _tell(self, rows: Sequence[RunRow]) -> None:
+        for listener in self._listeners if rows else ():
+            listener(rows)
+
+    # Sweeps
+
+    def create_sweep(
+        self,
+        name: str,
+        config: Mapping[str, Any],
+        grid: Mapping[str, Sequence[Any]],
+        seeds: Sequence[int],
+        actor: str,
+    ) -> SweepRow:
+        """A sweep and all its runs.
+
+        Args:
+            config: the task, and what is changed from its preset in every run.
+
+        Raises:
+            ConfigError: a key or value of configuration or grid is wrong; nothing was made.
+        """
+        runs = expand(config, grid, seeds)
+        sweep = SweepRow(
+            id=_new_id(), name=name, config=dict(config), seeds=list(seeds), created_at=time.time(),
+            grid={key: list(values) for key, values in grid.items()},
+        )  # fmt: skip
+        SweepFile.write(self.runs_dir, sweep)
+        rows = [self._new_run(run.config, name=run.name, sweep_id=sweep.id) for run in runs]
+        with self._database.writing() as session:
+            session.add(sweep)
+            session.flush()
+            session.add_all(rows)
+            _audit(session, actor, "create_sweep", sweep.id, name=name, runs=len(rows))
+        self._tell(rows)
+        return sweep
+
+    def get_sweep(self, sweep_id: str) -> SweepRow:
+        """A sweep; its runs are `find(RunFilter(sweep_id=..., archived=None))`.
+
+        Raises:
+            UnknownSweepError: there is none of that id.
+        """
+        with self._database.reading() as session:
+            row = session.get(SweepRow, sweep_id)
+        if row is None:
+            raise UnknownSweepError(sweep_id)
+        return row
+
+    def page_sweeps(self, *, after: str | None = None, limit: int = 50) -> list[SweepRow]:
+        """Sweeps, newest first, from behind the one of id `after`."""
+        query = select(SweepRow).order_by(SweepRow.id.desc()).limit(limit)
+        if after is not None:
+            query = query.where(SweepRow.id < after)
+        with self._database.reading() as session:
+            return list(session.scalars(query))
+
+    def sweep_states(self, sweep_ids: Sequence[str]) -> dict[str, dict[str, int]]:
+        """How many runs of each sweep are in each state."""
+        query = (
+            select(RunRow.sweep_id, RunRow.state, func.count())
+            .where(RunRow.sweep_id.in_(sweep_ids))
+            .group_by(RunRow.sweep_id, RunRow.state)
+        )
+        states: dict[str, dict[str, int]] = {sweep_id: {} for sweep_id in sweep_ids}
+        with self._database.reading() as session:
+            for sweep_id, state, count in session.execute(query):
+                states[sweep_id][state] = count
+        return states
+
+    def stop_sweep(self, sweep_id: str, actor: str) -> SweepRow:
+        """Stops every run of a sweep that is not over.
+
+        Raises:
+            UnknownSweepError: there is none of that id.
+        """
+        sweep = self.get_sweep(sweep_id)
+        for row in self.find(RunFilter(sweep_id=sweep_id, archived=None)):
+            self.request_stop(row.id, actor)
+        return sweep
+
+
+def row_of(folder: RunFolder, about: About) -> RunRow:
+    """The row of a run whose folder says all that is known of it, but for its progress.
+
+    Raises:
+        ConfigError: a file of the folder is missing or damaged.
+    """
+    config, recorded = folder.config(), folder.state()
+    values = config.model_dump()
+    return RunRow(
+        id=str(folder.run),
+        task=config.task,
+        algorithm=config.algorithm,
+        seed=config.seed,
+        config=values,
+        config_hash=hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest(),
+        state=observed(recorded.state, about.desired_state, owned=False),
+        attempt=recorded.attempt,
+        iteration=0,
+        iterations=config.iterations,
+        error=recorded.error,
+        created_at=recorded.created_unix_s,
+        updated_at=recorded.updated_unix_s,
+        **about.model_dump(exclude={"name"}),
+        name=about.name or f"{config.task} {config.algorithm} seed {config.seed}",
+    )
+
+
+def _run(session: Session, run_id: str) -> RunRow:
+    row = session.get(RunRow, run_id)
+    if row is None:
+        raise UnknownRunError(run_id)
+    return row
+
+
+def _apply(row: RunRow, changes: Changes) -> bool:
+    """Whether that changes anything."""
+    news = {key: value for key, value in changes.items() if getattr(row, key) != value}
+    for key, value in news.items():
+        setattr(row, key, value)
+    if news:
+        row.updated_at = time.time()
+    return bool(news)
+
+
+def _audit(session: Session, actor: str, action: str, subject: str, **detail: Any) -> None:
+    session.add(
+        AuditRow(at=time.time(), actor=actor, action=action, subject=subject, detail=detail)
+    )
+
+
+def _new_id() -> str:
+    return str(uuid_utils.uuid7())

@@ -1,0 +1,88 @@
+"""Streams for whoever watches: a sample of what happens, which costs nothing while nobody does.
+
+The one who has something to show only leaves it; encoding and sending are another thread's, which sleeps
+while nobody subscribes.
+"""
+
+import logging
+import threading
+from collections.abc import Callable
+from typing import Generic, TypeVar
+
+import zenoh
+
+from bpn_shared.bus.session import Bus
+
+log = logging.getLogger(__name__)
+
+Item = TypeVar("Item")
+Encode = Callable[[Item], tuple[bytes, bytes | None]]
+"""From an item to payload and attachment; called on the sending thread."""
+
+
+class SampledPublisher(Generic[Item]):
+    """Publishes the newest of what it is offered, at most `rate_hz` times a second.
+
+    One thread offers.
+
+    Attributes:
+        watched: whether anybody subscribes; no use offering otherwise.
+    """
+
+    def __init__(self, bus: Bus, key: str, rate_hz: float, encode: Encode[Item]) -> None:
+        self._period_s, self._encode = 1 / rate_hz, encode
+        self._item: Item | None = None
+        self._news = threading.Lock()  # held while there are none
+        self._news.acquire()
+        self._closed = threading.Event()
+        self._sent = bus.traffic.sent(key)
+        self._publisher = bus.zenoh.declare_publisher(
+            key,
+            congestion_control=zenoh.CongestionControl.DROP,
+            priority=zenoh.Priority.BACKGROUND,
+        )
+        self.watched = False
+        self._listener = self._publisher.declare_matching_listener(
+            zenoh.handlers.Callback(self._changed, indirect=False)
+        )
+        # `matching_status` is an object that is always true; what counts is its `matching`
+        self.watched = bool(self._publisher.matching_status.matching)  # type: ignore[attr-defined]
+        self._thread = threading.Thread(target=self._publish, name=f"sampled {key}", daemon=True)
+        self._thread.start()
+
+    def _changed(self, status: "zenoh.MatchingStatus") -> None:
+        self.watched = bool(status.matching)
+
+    def offer(self, item: Item) -> None:
+        """Leaves an item to be published, instead of an older one that is not published yet."""
+        if self.watched:
+            self._item = item
+            if self._news.locked():
+                self._news.release()
+
+    def _publish(self) -> None:
+        while True:
+            self._news.acquire()
+            item, self._item = self._item, None
+            if self._closed.is_set():
+                return
+            if item is None:  # taken just before it was announced
+                continue
+            payload, attachment = self._encode(item)
+            try:
+                self._publisher.put(payload, attachment=attachment)
+            except zenoh.ZError as error:
+                log.debug("nothing is published any more: %s", error)  # the session is closed
+                return
+            self._sent.add(len(payload))
+            self._closed.wait(self._period_s)
+
+    def close(self) -> None:
+        """Stops publishing. Nothing may be offered any more."""
+        self.watched = False
+        self._closed.set()
+        if self._news.locked():
+            self._news.release()
+        self._thread.join()
+        self._listener.undeclare()  # type: ignore[no-untyped-call]
+        self._publisher.undeclare()  # type: ignore[no-untyped-call]

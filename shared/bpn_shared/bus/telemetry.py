@@ -1,0 +1,70 @@
+"""How services are, once a second: sent while anyone listens, received by who shows it."""
+
+import logging
+import threading
+from collections.abc import Callable
+
+import zenoh
+
+from bpn_shared import keys
+from bpn_shared.bus.session import Bus
+from bpn_shared.bus.watch import Watch
+from bpn_shared.messages.base import MessageError
+from bpn_shared.messages.telemetry import Telemetry
+from bpn_shared.service import Counters
+
+log = logging.getLogger(__name__)
+
+PERIOD_S = 1.0
+
+
+class TelemetryPublisher:
+    """Sends a service's report every second until its session ends."""
+
+    def __init__(self, bus: Bus, kind: str, worker: str, report: Callable[[], Telemetry]) -> None:
+        self._report = report
+        self._closed = threading.Event()
+        self._publisher = bus.zenoh.declare_publisher(
+            keys.telemetry(kind, worker),
+            congestion_control=zenoh.CongestionControl.DROP,
+            priority=zenoh.Priority.BACKGROUND,
+        )
+        self._thread = threading.Thread(target=self._publish, name="telemetry", daemon=True)
+        self._thread.start()
+
+    def _publish(self) -> None:
+        while not self._closed.is_set():
+            try:
+                if self._publisher.matching_status.matching:  # type: ignore[attr-defined]
+                    self._publisher.put(self._report().encode())
+            except zenoh.ZError:
+                return  # the session is closed
+            except Exception:
+                log.exception("a telemetry report failed")
+            self._closed.wait(PERIOD_S)
+
+    def close(self) -> None:
+        self._closed.set()
+        self._thread.join()
+
+
+class TelemetryWatch:
+    """Calls `on_report` with every report of every service, on the network thread.
+
+    Args:
+        counters: `telemetry_refused` is counted here.
+    """
+
+    def __init__(
+        self, bus: Bus, on_report: Callable[[Telemetry], None], counters: Counters
+    ) -> None:
+        def receive(_attachment: bytes, payload: bytes) -> None:
+            try:
+                on_report(Telemetry.decode(payload))
+            except MessageError as error:
+                counters.refuse("telemetry_refused", str(error))
+
+        self._watch = Watch(bus, keys.telemetry("*", "*"), receive)
+
+    def close(self) -> None:
+        self._watch.close()

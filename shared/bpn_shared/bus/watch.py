@@ -1,0 +1,54 @@
+"""The watcher's end of streams: everything at a key, or at all keys of a pattern, until it is closed."""
+
+from collections.abc import Callable
+
+import zenoh
+
+from bpn_shared.bus.session import Bus
+
+OnSample = Callable[[bytes, bytes], None]
+"""Takes a message: attachment (empty if it has none) and payload."""
+
+
+class Watch:
+    """Calls `on_sample` with every message, on the network thread: it must be quick and raise nothing.
+
+    A key without wildcards is counted in the session's traffic.
+    """
+
+    def __init__(self, bus: Bus, key: str, on_sample: OnSample) -> None:
+        tally = None if "*" in key else bus.traffic.received(key)
+
+        def receive(sample: zenoh.Sample) -> None:
+            attachment, payload = sample.attachment, sample.payload.to_bytes()
+            if tally is not None:
+                tally.add(len(payload))
+            on_sample(b"" if attachment is None else attachment.to_bytes(), payload)
+
+        self._subscriber = bus.zenoh.declare_subscriber(
+            key, zenoh.handlers.Callback(receive, indirect=False)
+        )
+
+    def close(self) -> None:
+        """Ends the subscription; the senders learn that nobody watches any more."""
+        self._subscriber.undeclare()  # type: ignore[no-untyped-call]
+
+
+OnToken = Callable[[str, str, bool], None]
+"""Takes a change: kind and id of a worker, and whether it is alive now."""
+
+
+class WatchAlive:
+    """Calls `on_token` for every worker of any kind that is alive, appears or goes."""
+
+    def __init__(self, bus: Bus, pattern: str, on_token: OnToken) -> None:
+        def changed(token: zenoh.Sample) -> None:
+            *_, kind, worker = str(token.key_expr).split("/")
+            on_token(kind, worker, token.kind == zenoh.SampleKind.PUT)
+
+        self._subscriber = bus.zenoh.liveliness().declare_subscriber(
+            pattern, zenoh.handlers.Callback(changed, indirect=False), history=True
+        )
+
+    def close(self) -> None:
+        self._subscriber.undeclare()  # type: ignore[no-untyped-call]

@@ -1,0 +1,49 @@
+"""Requests about who works where: a worker asks the registry, the registry tells it to let go."""
+
+from typing import Annotated, Literal
+from uuid import UUID
+
+from pydantic import Field
+
+from bpn_shared.messages.base import Message
+from bpn_shared.messages.control import Count, Reason, WorkerId
+
+Role = Literal["learner", "robot_sim", "edge"]
+RunId = Annotated[str, Field(pattern=r"^[0-9a-f]{8}(-[0-9a-f]{4}){3}-[0-9a-f]{12}$")]
+
+
+class LeaseRequest(Message):
+    """worker -> registry: I am idle, what shall I work on?
+
+    `label` says where the worker runs; a robot and an edge with equal labels are put together.
+    """
+
+    role: Role
+    worker: WorkerId
+    label: Annotated[str, Field(max_length=100)] = ""
+
+
+class LeaseReply(Message):
+    """registry -> worker: work on this (`lease`), or ask again after `retry_s` (`wait`)."""
+
+    verdict: Literal["lease", "wait"]
+    run: RunId | None = None
+    slot: Count = 0
+    retry_s: Annotated[float, Field(gt=0, le=60)] = 1.0
+
+    @property
+    def run_id(self) -> UUID | None:
+        return None if self.run is None else UUID(self.run)
+
+
+class Release(Message):
+    """registry -> worker: stop working on this run. That the worker's token goes is the answer."""
+
+    run: RunId
+    reason: Reason = ""
+
+
+class ReleaseReply(Message):
+    """worker -> registry: understood; `working` is false if it does not work on that run."""
+
+    working: bool

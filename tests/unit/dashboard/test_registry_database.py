@@ -1,0 +1,77 @@
+import sqlite3
+from pathlib import Path
+
+import pytest
+from alembic.autogenerate import compare_metadata
+from alembic.runtime.migration import MigrationContext
+from sqlalchemy import create_engine
+
+from bpn_dashboard.database.engine import Database, DatabaseError, is_on_network, sqlite_url
+from bpn_dashboard.database.tables import Base
+
+
+def pragma(file: Path, name: str) -> object:
+    with sqlite3.connect(file) as connection:
+        return connection.execute(f"PRAGMA {name}").fetchone()[0]
+
+
+def test_the_migrations_make_the_tables_that_the_code_has(tmp_path: Path) -> None:
+    url = sqlite_url(tmp_path / "dashboard.sqlite")
+    Database(url).close()
+    with create_engine(url).connect() as connection:
+        assert compare_metadata(MigrationContext.configure(connection), Base.metadata) == []
+    assert pragma(tmp_path / "dashboard.sqlite", "journal_mode") == "wal"
+    Database(url).close()  # opening it again changes nothing
+
+
+def test_a_database_of_a_newer_program_is_refused_untouched(tmp_path: Path) -> None:
+    file = tmp_path / "dashboard.sqlite"
+    Database(sqlite_url(file)).close()
+    with sqlite3.connect(file) as connection:
+        connection.execute("UPDATE alembic_version SET version_num = '9999'")
+    with pytest.raises(DatabaseError, match="'9999', which this program does not know.*reindex"):
+        Database(sqlite_url(file))
+
+
+@pytest.mark.parametrize(
+    ("url", "message"),
+    [
+        ("dashboard.sqlite", "no database that can be used"),
+        ("oracle9://x", "no database that can be used"),
+        ("sqlite://", "needs a file"),
+        ("sqlite:////proc/dashboard.sqlite", "unable to open database file"),
+    ],
+)
+def test_a_wrong_url_is_named(url: str, message: str) -> None:
+    with pytest.raises(DatabaseError, match=message):
+        Database(url)
+
+
+def test_a_failed_writing_leaves_nothing(database: Database) -> None:
+    with pytest.raises(ZeroDivisionError), database.writing() as session:
+        session.connection().exec_driver_sql("INSERT INTO audit VALUES (1, 0, 'a', 'b', 'c', '{}')")
+        raise ZeroDivisionError
+    with database.reading() as session:
+        count = session.connection().exec_driver_sql("SELECT count(*) FROM audit")
+        assert count.scalar_one() == 0
+
+
+def test_foreign_keys_hold(database: Database) -> None:
+    with database.reading() as session:
+        assert session.connection().exec_driver_sql("PRAGMA foreign_keys").scalar_one() == 1
+
+
+def test_a_network_file_system_is_told_by_its_mount(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    class Part:
+        def __init__(self, mountpoint: Path, fstype: str) -> None:
+            self.mountpoint, self.fstype = str(mountpoint), fstype
+
+    parts = [Part(Path("/"), "ext4"), Part(tmp_path, "nfs4"), Part(tmp_path / "local", "xfs")]
+    monkeypatch.setattr("psutil.disk_partitions", lambda all: parts if all else [])
+    assert is_on_network(tmp_path / "runs" / "dashboard.sqlite")
+    assert not is_on_network(tmp_path / "local" / "dashboard.sqlite")
+    assert not is_on_network(Path("/dashboard.sqlite"))
+    Database(sqlite_url(tmp_path / "dashboard.sqlite")).close()
+    assert pragma(tmp_path / "dashboard.sqlite", "journal_mode") == "delete"
