@@ -5,7 +5,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.installed
 PIP_INSTALL := $(BIN)/python -W ignore -m pip install --disable-pip-version-check -q -c constraints.txt
-PACKAGES := shared services/edge services/learner services/robot_sim services/dashboard deploy/local
+PACKAGES := shared services/edge services/learner services/robot_sim services/dashboard deploy/certificates deploy/local
 SOURCES := $(PACKAGES:%=%/bpn*)
 
 .DEFAULT_GOAL := help
@@ -23,7 +23,7 @@ test: lint       ## lint, then every test that takes seconds, then those that ta
 lint: $(INSTALLED) ## ruff, mypy --strict, import-linter
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
-	$(BIN)/mypy -p bpn_shared -p bpn_edge -p bpn_learner -p bpn_robot_sim -p bpn_dashboard -p bpn
+	$(BIN)/mypy -p bpn_shared -p bpn_edge -p bpn_learner -p bpn_robot_sim -p bpn_dashboard -p bpn_certificates -p bpn
 	$(BIN)/lint-imports --no-logo
 
 format: $(INSTALLED) ## write code as ruff wants it

@@ -10,7 +10,9 @@ from typing import Self
 
 import zenoh
 
+from bpn_shared.bus.certificates import client_tls
 from bpn_shared.bus.traffic import Traffic
+from bpn_shared.heartbeat import Heartbeat
 
 log = logging.getLogger(__name__)
 
@@ -41,7 +43,7 @@ def _client_config(endpoint: str) -> zenoh.Config:
                 "scouting": {"multicast": {"enabled": False}},
                 "transport": {
                     "shared_memory": {"enabled": False},
-                    "link": {"tx": {"lease": 3000}},
+                    "link": {"tx": {"lease": 3000}, "tls": client_tls(endpoint)},
                 },
             }
         )
@@ -52,12 +54,14 @@ class Bus:
     """One session as a client of the router. Use as a context manager: an unclosed one keeps the process.
 
     Args:
-        endpoint: the router's Zenoh endpoint, such as "tcp/127.0.0.1:7447".
+        endpoint: the router's Zenoh endpoint, such as "tcp/127.0.0.1:7447" or "tls/router:7447"; the latter
+            needs certificates (`bpn_shared.bus.certificates`).
         deadline_s: how long to wait for the router.
         stop: when set, waiting ends.
 
     Raises:
         BusError: no router at the endpoint within the deadline, or `stop` was set.
+        CertificateError: the endpoint needs certificates, and there are none.
     """
 
     def __init__(
@@ -73,6 +77,7 @@ class Bus:
         self.endpoint = endpoint
         self.traffic = Traffic()
         self.zenoh = _open(endpoint, deadline_s, stop or threading.Event())
+        self._heartbeat = Heartbeat(lambda: self.connected)
 
     def __enter__(self) -> Self:
         return self
@@ -87,6 +92,7 @@ class Bus:
 
     def close(self) -> None:
         """Ends the session; its declarations and tokens go with it."""
+        self._heartbeat.close()
         try:
             self.zenoh.close()  # type: ignore[no-untyped-call]
         except zenoh.ZError as error:  # seen under packet loss; the session is gone all the same
