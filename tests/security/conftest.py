@@ -8,10 +8,10 @@ from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 
 import pytest
+
 from bpn_certificates import authority as x509
 from bpn_certificates.authority import Identity, Validity
 from bpn_certificates.folders import make
-
 from bpn_shared.bus.certificates import AUTHORITY, CERTIFICATE, FOLDER_VARIABLE, KEY
 from bpn_shared.bus.router_config import render, secure
 from bpn_shared.bus.session import Bus

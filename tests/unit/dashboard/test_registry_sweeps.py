@@ -24,7 +24,9 @@ def test_every_combination_is_there_once_and_each_is_the_preset_with_that_change
     count = 1
     for values in [*grid.values(), seeds or [0]]:
         count *= len(values)
-    assert len({run.config for run in runs}) == len({run.name for run in runs}) == len(runs) == count
+    assert (
+        len({run.config for run in runs}) == len({run.name for run in runs}) == len(runs) == count
+    )
     for run in runs:
         point = {key: getattr(run.config, key) for key in grid}
         assert all(point[key] in values for key, values in grid.items())
