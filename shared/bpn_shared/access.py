@@ -104,6 +104,10 @@ CHANNELS: tuple[Channel, ...] = (
     Channel(keys.episode(ANY), "request", ("edge",), ("learner",), episode.MAX_BYTES),
     Channel(keys.weights(ANY), "stream", ("learner",), ("edge",), MAX_WEIGHTS_BYTES),
     Channel(keys.weights(ANY), "request", ("edge",), ("learner",), MAX_WEIGHTS_BYTES),
+    Channel(keys.log(ANY, "learner"), "stream", ("learner",)),
+    Channel(keys.log(ANY, "edge-$*"), "stream", ("edge",)),
+    Channel(keys.log(ANY, "robot_sim-$*"), "stream", ("robot_sim",)),
+    Channel(keys.log(ANY, ANY), "stream", takers=("learner",)),
     # For whoever watches
     Channel(keys.preview(ANY, ANY), "stream", ("robot_sim",), ("dashboard",), MAX_PIXEL_BYTES),
     Channel(keys.decision(ANY, ANY), "stream", ("edge",), ("dashboard",)),

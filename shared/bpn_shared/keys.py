@@ -54,6 +54,11 @@ def metrics(run: Run, kind: str, worker: str) -> str:
     return f"bpn/{run}/metrics/{kind}/{worker}"
 
 
+def log(run: Run, service: str) -> str:
+    """Where a leased worker sends its log lines, for the run's learner to keep in the run folder."""
+    return f"bpn/{run}/log/{service}"
+
+
 def telemetry(kind: str, worker: str) -> str:
     """Where a service tells once a second how it is."""
     return f"bpn/telemetry/{kind}/{worker}"
@@ -70,15 +75,15 @@ def live(kind: str, worker: str) -> str:
 
 
 def lease_request() -> str:
-    """Where the registry answers an idle worker that asks what to work on."""
+    """Where the registry gives idle workers work."""
     return "bpn/registry/lease"
 
 
 def lease(run: Run, role: str, slot: Slot, worker: str) -> str:
-    """Liveliness token of a worker at its place in a run."""
+    """Liveliness token of a worker at a place: what the registry knows of leases."""
     return f"bpn/lease/{run}/{role}/{slot}/{worker}"
 
 
 def control(kind: str, worker: str) -> str:
-    """Where a worker takes orders from the registry."""
+    """Where a leased worker is told to let go."""
     return f"bpn/control/{kind}/{worker}"

@@ -3,6 +3,7 @@
     config.json         the configuration, never changed
     state.json          state, attempt, when, and why it failed
     metrics.jsonl       one line per iteration; after a crash an iteration may stand twice, the later counts
+    rewards.jsonl       likewise: the rewards of every step of its episodes, in pixels
     episodes/           every episode as it was delivered, <iteration>-<episode>.bpne
     weights/            every weights version, <version>.bpnw
     checkpoint.safetensors
@@ -11,10 +12,12 @@
 Files that are replaced are replaced atomically; what was acknowledged to others is on disk first.
 """
 
+import contextlib
+import fcntl
 import json
 import os
 import time
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 from uuid import UUID
@@ -37,6 +40,10 @@ class RunState(BaseModel):
     created_unix_s: float = 0.0
     updated_unix_s: float = 0.0
     error: str = ""
+
+
+class RunOwnedError(RuntimeError):
+    """Another learner works on the run; the message says which."""
 
 
 class RunFolder:
@@ -125,6 +132,43 @@ class RunFolder:
         write_atomically(self.path / "state.json", new.model_dump_json(indent=2).encode())
         return new
 
+    @contextlib.contextmanager
+    def owned(self, owner: str, patience_s: float = 1.0) -> Iterator[None]:
+        """Keeps other learners out, on every machine that shares the folder, while the body runs.
+
+        Args:
+            owner: who asks, for the message that others get.
+            patience_s: how long to wait for an owner that is just ending.
+
+        Raises:
+            RunOwnedError: another learner owns the run.
+        """
+        deadline_s = time.monotonic() + patience_s
+        with self._lock_path.open("a+") as file:
+            while not _lock(file.fileno(), fcntl.LOCK_EX):
+                if time.monotonic() > deadline_s:
+                    file.seek(0)
+                    raise RunOwnedError(
+                        f"run {self.run} is being learned by {file.read() or 'another learner'}: "
+                        "wait for its end or stop it there"
+                    )
+                time.sleep(0.05)
+            file.truncate(0)
+            file.write(owner)
+            file.flush()
+            yield
+
+    def is_owned(self) -> bool:
+        """Whether some learner owns the run now."""
+        if not self._lock_path.exists():
+            return False
+        with self._lock_path.open() as file:
+            return not _lock(file.fileno(), fcntl.LOCK_SH)
+
+    @property
+    def _lock_path(self) -> Path:
+        return self.path / ".lock"
+
     def episode_path(self, iteration: int, episode: int) -> Path:
         return self.path / "episodes" / f"{iteration:06d}-{episode:05d}.bpne"
 
@@ -145,18 +189,13 @@ class RunFolder:
 
     def append_metrics(self, record: Mapping[str, Any]) -> None:
         """Adds one iteration's record; it is on disk when this returns."""
-        line = json.dumps(record, allow_nan=False) + "\n"
-        with (self.path / "metrics.jsonl").open("a") as file:
-            if file.tell() and not self._ends_with_newline():  # a crash cut the last line
-                file.write("\n")
-            file.write(line)
-            file.flush()
-            os.fsync(file.fileno())
+        _append_line(self.path / "metrics.jsonl", record)
 
-    def _ends_with_newline(self) -> bool:
-        with (self.path / "metrics.jsonl").open("rb") as file:
-            file.seek(-1, os.SEEK_END)
-            return file.read(1) == b"\n"
+    def append_rewards(self, iteration: int, rewards_px: Sequence[Sequence[float]]) -> None:
+        """Adds the rewards of an iteration's steps, for each of its episodes in order."""
+        _append_line(
+            self.path / "rewards.jsonl", {"iteration": iteration, "rewards_px": rewards_px}
+        )
 
     def metrics(self) -> list[dict[str, Any]]:
         """The iterations' records in order, each iteration once; a line cut by a crash is left out."""
@@ -179,3 +218,23 @@ def write_atomically(path: Path, data: bytes) -> None:
         file.flush()
         os.fsync(file.fileno())
     os.replace(temporary, path)
+
+
+def _append_line(path: Path, record: Mapping[str, Any]) -> None:
+    line = json.dumps(record, allow_nan=False) + "\n"
+    with path.open("ab+") as file:
+        if file.tell():
+            file.seek(-1, os.SEEK_END)
+            if file.read(1) != b"\n":  # a crash cut the last line
+                line = "\n" + line
+        file.write(line.encode())
+        file.flush()
+        os.fsync(file.fileno())
+
+
+def _lock(descriptor: int, kind: int) -> bool:
+    try:
+        fcntl.flock(descriptor, kind | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    return True

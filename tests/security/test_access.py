@@ -29,7 +29,7 @@ MEMBER = "m1"
 
 
 def key_of(channel: Channel) -> str:
-    return channel.key.replace("*", MEMBER)
+    return channel.key.replace("$*", "0").replace("*", MEMBER)
 
 
 KEYS = sorted({key_of(c) for c in CHANNELS if c.givers and not c.key.startswith("@")})

@@ -30,9 +30,7 @@ class DecisionFeed:
             worker.bus, keys.decision(worker.run, worker.slot), RATE_HZ, self._encode
         )
 
-    def note(
-        self, assignment: Assignment, action: Action, outputs: npt.NDArray[np.int32]
-    ) -> None:
+    def note(self, assignment: Assignment, action: Action, outputs: npt.NDArray[np.int32]) -> None:
         """Takes a decision whose action has been sent."""
         if self._publisher.watched:
             self._publisher.offer((assignment, action, outputs, time.time_ns()))

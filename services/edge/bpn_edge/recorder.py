@@ -39,9 +39,7 @@ class EpisodeRecorder:
         """s_t after the newest frame, uint8[C, 84, 84]."""
         return stack(self._frames, len(self._frames) - 1, self._task.frames_stacked)
 
-    def add_outputs(
-        self, outputs: npt.NDArray[np.int32], inference_ns: int, edge_ns: int
-    ) -> None:
+    def add_outputs(self, outputs: npt.NDArray[np.int32], inference_ns: int, edge_ns: int) -> None:
         """Appends what the network said to the newest observation, and how long it and the edge took."""
         self._outputs.append(outputs)
         self._inference_ns.append(inference_ns)

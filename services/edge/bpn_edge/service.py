@@ -11,9 +11,10 @@ from bpn_edge.robot_link import RobotLink
 from bpn_shared.bnn.blob import WeightBlob
 from bpn_shared.bus.weights import WeightsSubscriber
 from bpn_shared.config import RunConfig
+from bpn_shared.entry import run_slot_worker
 from bpn_shared.messages.base import MessageError
 from bpn_shared.messages.control import Assignment
-from bpn_shared.worker import EXIT_FINISHED, Worker, run_slot_worker
+from bpn_shared.worker import EXIT_FINISHED, Worker
 
 log = logging.getLogger(__name__)
 

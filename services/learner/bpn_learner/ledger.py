@@ -47,6 +47,7 @@ class EpisodeLedger:
         self._attempt = 0
         self._collecting = False
         self._finished = False
+        self._told: dict[int, bool] = {}  # by slot that has asked: whether it knows of the end
         self._stored: dict[int, Episode] = {}
         self._leases: dict[int, Lease] = {}
         self.redelivered = 0
@@ -82,9 +83,18 @@ class EpisodeLedger:
         with self._changed:
             self._finished = True
 
+    def wait_told(self, stop: threading.Event, timeout_s: float) -> None:
+        """Waits, for a bounded time, until every slot that played has been told of the end."""
+        deadline_s = time.monotonic() + timeout_s
+        with self._changed:
+            while not (all(self._told.values()) or stop.is_set() or time.monotonic() > deadline_s):
+                self._changed.wait(timeout=0.1)  # bounded, so that `stop` is seen
+
     def next(self, asked: NextEpisode) -> Assignment:
         """The episode that a slot shall play now."""
         with self._changed:
+            self._told[asked.slot] = self._finished
+            self._changed.notify_all()
             if self._finished:
                 return Assignment(verdict="finished", reason="all iterations are done")
             if not self._collecting:

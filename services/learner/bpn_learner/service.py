@@ -1,6 +1,5 @@
 """`bpn-learner`: hands out episodes, learns from them, publishes weights. Owns the run folder."""
 
-import argparse
 import logging
 from pathlib import Path
 
@@ -12,32 +11,48 @@ from bpn_learner.update import DivergenceError
 from bpn_shared import keys
 from bpn_shared.bnn.blob import WeightBlob
 from bpn_shared.bus.liveliness import Alive
+from bpn_shared.bus.logs import LogCollector
 from bpn_shared.bus.metrics import MetricsPublisher
 from bpn_shared.bus.requests import Responder
 from bpn_shared.bus.weights import WeightsPublisher
+from bpn_shared.config import ConfigError
+from bpn_shared.entry import argument_parser, run_worker
 from bpn_shared.messages.control import NextEpisode
 from bpn_shared.run_folder import RunFolder
-from bpn_shared.worker import (
-    EXIT_FINISHED,
-    EXIT_UNRECOVERABLE,
-    Worker,
-    argument_parser,
-    run_service,
-)
+from bpn_shared.worker import EXIT_FINISHED, EXIT_UNRECOVERABLE, Worker
 
 log = logging.getLogger(__name__)
 
-_LINGER_S = 2.0
+_TELL_S = 2.0
+"""How long a finished run's learner waits for its edges to ask once more, so that they are told."""
 
 
 def serve(worker: Worker, runs_dir: Path) -> int:
-    """Trains the run from where its folder stands, until it is finished or the worker is stopped."""
+    """Trains the run from where its folder stands, until it is finished or the worker is stopped.
+
+    Raises:
+        ConfigError: there is no such run.
+        RunOwnedError: another learner works on it.
+    """
     folder = RunFolder.open(runs_dir, str(worker.run))
+    with folder.owned(worker.id):
+        collector = LogCollector(worker.bus, worker.run, folder.logs)
+        state = folder.set_state("running", new_attempt=True)
+        try:
+            _train(worker, folder, state.attempt)
+        except (CheckpointError, ConfigError, DivergenceError, RewardError) as error:
+            log.error("%s", error)  # it would come again
+            folder.set_state("failed", error=str(error))
+            return EXIT_UNRECOVERABLE
+        finally:
+            del collector
+    return EXIT_FINISHED
+
+
+def _train(worker: Worker, folder: RunFolder, attempt: int) -> None:
     config = folder.config()
-    state = folder.set_state("running", new_attempt=True)
-    log.info("attempt %d: %s, %s", state.attempt, config.algorithm, config.task)
-    edges = Alive(worker.bus, "edge")
-    ledger = EpisodeLedger(config, folder, edges)
+    log.info("attempt %d: %s, %s", attempt, config.algorithm, config.task)
+    ledger = EpisodeLedger(config, folder, Alive(worker.bus, "edge"))
 
     def next_episode(body: bytes) -> bytes:
         return ledger.next(NextEpisode.decode(body)).encode()
@@ -63,31 +78,25 @@ def serve(worker: Worker, runs_dir: Path) -> int:
         config,
         folder,
         ledger,
-        attempt=state.attempt,
+        attempt=attempt,
         publish=publish,
         report=MetricsPublisher(worker.bus, worker.run, "learner", worker.id).put,
         waiting=worker.waiting,
         stop=worker.stop,
     )
-    try:
-        finished = training.run()
-    except (CheckpointError, DivergenceError, RewardError) as error:  # they would come again
-        log.error("%s", error)
-        folder.set_state("failed", error=str(error))
-        return EXIT_UNRECOVERABLE
+    finished = training.run()
     folder.set_state("finished" if finished else "stopped")
     if finished:
         ledger.finish()
-        worker.stop.wait(_LINGER_S if edges.workers() else 0.0)  # edges ask once more, and are told
+        ledger.wait_told(worker.stop, _TELL_S)
     del responders
-    return EXIT_FINISHED
 
 
 def main(argv: list[str] | None = None) -> int:
     """The learner service."""
-    parser: argparse.ArgumentParser = argument_parser("learner", __doc__)
+    parser = argument_parser("learner", __doc__)
     parser.add_argument(
         "--runs-dir", type=Path, default=Path("runs"), help="where run folders are (default runs)"
     )
     options = parser.parse_args(argv)
-    return run_service("learner", options, lambda worker: serve(worker, options.runs_dir))
+    return run_worker("learner", options, lambda worker: serve(worker, options.runs_dir))

@@ -89,6 +89,7 @@ class Training:
                 return False
             collect_s = time.monotonic() - start_s
             self._data.append([self._learnable(episode) for episode in episodes])
+            self._keep_rewards(iteration)
             try:
                 update = self._update(iteration)
             except UpdateStopped:
@@ -141,6 +142,12 @@ class Training:
             rewards=rewards_px * self._config.reward_scale,
             failed=episode.meta.failed,
         )
+
+    def _keep_rewards(self, iteration: int) -> None:
+        """For whoever looks at an episode later: they are the learner's alone to compute."""
+        scale = self._config.reward_scale
+        rewards_px = [np.round(episode.rewards / scale, 3).tolist() for episode in self._data[-1]]
+        self._folder.append_rewards(iteration, rewards_px)
 
     def _settings(self, iteration: int) -> PolicyUpdate:
         config = self._config

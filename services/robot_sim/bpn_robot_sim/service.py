@@ -16,12 +16,13 @@ from bpn_shared.bus.latest import LatestPublisher, LatestSubscriber, Sample
 from bpn_shared.bus.requests import Responder
 from bpn_shared.bus.sampled import SampledPublisher
 from bpn_shared.config import RunConfig
+from bpn_shared.entry import run_slot_worker
 from bpn_shared.messages.action import Action
 from bpn_shared.messages.base import MessageError
 from bpn_shared.messages.control import Reset, ResetReply
 from bpn_shared.messages.frame import NO_ACTION, FrameHeader, FrameKind
 from bpn_shared.messages.preview import PreviewHeader
-from bpn_shared.worker import EXIT_FINISHED, Worker, run_slot_worker
+from bpn_shared.worker import EXIT_FINISHED, Worker
 
 _RESEND_S = 0.25
 _PREVIEW_HZ = 30.0
@@ -210,11 +211,13 @@ def _preview(item: tuple[FrameHeader, tuple[bytes, ...]]) -> tuple[bytes, bytes]
 
 def serve(worker: Worker, config: RunConfig) -> int:
     """Runs the robot until the worker is stopped."""
-    service = RobotService(worker, config, make_robot(config.task))
+    robot = make_robot(config.task)
+    service = RobotService(worker, config, robot)
     try:
         service.run()
     finally:
         service.close()
+        robot.close()
     return EXIT_FINISHED
 
 

@@ -1,6 +1,7 @@
 """Who is alive: a token that goes with its process, within milliseconds of a crash."""
 
 import threading
+from collections.abc import Callable
 
 import zenoh
 
@@ -8,11 +9,35 @@ from bpn_shared import keys
 from bpn_shared.bus.session import Bus
 
 
-class AliveToken:
+class Token:
+    """Stands at a key until the session ends."""
+
+    def __init__(self, bus: Bus, key: str) -> None:
+        self._token = bus.zenoh.liveliness().declare_token(key)
+
+
+class AliveToken(Token):
     """Says that this worker is alive, until the session ends."""
 
     def __init__(self, bus: Bus, kind: str, worker: str) -> None:
-        self._token = bus.zenoh.liveliness().declare_token(keys.live(kind, worker))
+        super().__init__(bus, keys.live(kind, worker))
+
+
+OnToken = Callable[[str, bool], None]
+"""Takes a token's key, and whether it has appeared (or has gone). It must be quick."""
+
+
+class TokenWatch:
+    """Calls `on_token` for every token that matches a key expression, on a thread of its own.
+
+    Tokens that stand already are told soon after the beginning.
+    """
+
+    def __init__(self, bus: Bus, pattern: str, on_token: OnToken) -> None:
+        def changed(token: zenoh.Sample) -> None:
+            on_token(str(token.key_expr), token.kind == zenoh.SampleKind.PUT)
+
+        self._subscriber = bus.zenoh.liveliness().declare_subscriber(pattern, changed, history=True)
 
 
 class Alive:
@@ -21,14 +46,12 @@ class Alive:
     def __init__(self, bus: Bus, kind: str) -> None:
         self._lock = threading.Lock()
         self._workers: set[str] = set()
-        self._subscriber = bus.zenoh.liveliness().declare_subscriber(
-            keys.live(kind, "*"), self._changed, history=True
-        )
+        self._watch = TokenWatch(bus, keys.live(kind, "*"), self._changed)
 
-    def _changed(self, token: zenoh.Sample) -> None:
-        worker = str(token.key_expr).rsplit("/", 1)[-1]
+    def _changed(self, key: str, alive: bool) -> None:
+        worker = key.rsplit("/", 1)[-1]
         with self._lock:
-            if token.kind == zenoh.SampleKind.PUT:
+            if alive:
                 self._workers.add(worker)
             else:
                 self._workers.discard(worker)

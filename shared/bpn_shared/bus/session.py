@@ -12,7 +12,6 @@ import zenoh
 
 from bpn_shared.bus.certificates import client_tls
 from bpn_shared.bus.traffic import Traffic
-from bpn_shared.heartbeat import Heartbeat
 
 log = logging.getLogger(__name__)
 
@@ -58,6 +57,7 @@ class Bus:
             needs certificates (`bpn_shared.bus.certificates`).
         deadline_s: how long to wait for the router.
         stop: when set, waiting ends.
+        traffic: where to count what is sent and received, if another session counts there too.
 
     Raises:
         BusError: no router at the endpoint within the deadline, or `stop` was set.
@@ -70,14 +70,14 @@ class Bus:
         *,
         deadline_s: float = OPEN_DEADLINE_S,
         stop: threading.Event | None = None,
+        traffic: Traffic | None = None,
     ) -> None:
         # A thread that computes holds the GIL for 5 ms by default, and every message waits that long.
         sys.setswitchinterval(0.0005)
         zenoh.init_log_from_env_or("off")  # peers come and go here; what matters is logged by us
         self.endpoint = endpoint
-        self.traffic = Traffic()
+        self.traffic = traffic or Traffic()
         self.zenoh = _open(endpoint, deadline_s, stop or threading.Event())
-        self._heartbeat = Heartbeat(lambda: self.connected)
 
     def __enter__(self) -> Self:
         return self
@@ -92,7 +92,6 @@ class Bus:
 
     def close(self) -> None:
         """Ends the session; its declarations and tokens go with it."""
-        self._heartbeat.close()
         try:
             self.zenoh.close()  # type: ignore[no-untyped-call]
         except zenoh.ZError as error:  # seen under packet loss; the session is gone all the same
@@ -101,7 +100,12 @@ class Bus:
     @property
     def connected(self) -> bool:
         """Whether the router is reached now."""
-        return bool(self.zenoh.info.routers_zid())
+        return bool(self.router)
+
+    @property
+    def router(self) -> str:
+        """Names the router that is reached now, another one after its restart; empty: none is."""
+        return " ".join(str(router) for router in self.zenoh.info.routers_zid())
 
 
 def _open(endpoint: str, deadline_s: float, stop: threading.Event) -> zenoh.Session:

@@ -136,7 +136,7 @@ def is_on_network(path: Path) -> bool:
     mounts = {part.mountpoint: part.fstype for part in psutil.disk_partitions(all=True)}
     for folder in path.parents:
         if (kind := mounts.get(str(folder))) is not None:
-            return kind.startswith(_NETWORK_FILE_SYSTEMS)
+            return str(kind).startswith(_NETWORK_FILE_SYSTEMS)
     return False
 
 

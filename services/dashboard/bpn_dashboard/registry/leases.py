@@ -145,10 +145,10 @@ class LeaseBook:
         if now_s < self._quiet_until_s:
             return None
         candidates = sorted(self._vacant(role), key=lambda p: self._urgency(p, label, now_s))
-        place = next(filter(admit, candidates), None)
-        if place is not None:
-            self._leases[place] = Lease(worker, now_s, confirmed=False)
-        return place
+        granted = next(filter(admit, candidates), None)
+        if granted is not None:
+            self._leases[granted] = Lease(worker, now_s, confirmed=False)
+        return granted
 
     def expire(self, now_s: float) -> None:
         """Drops grants that no token followed in time."""
@@ -199,7 +199,9 @@ class LeaseBook:
         leases = [(place, lease.worker) for place, lease in self._leases.items() if lease.confirmed]
         unwanted = [(place, worker) for place, worker in leases if not self._is_wanted(place)]
         in_vain = [(place, worker) for place, worker in leases if self._is_in_vain(place, now_s)]
-        surplus = [(place, worker) for place, workers in self._surplus.items() for worker in workers]
+        surplus = [
+            (place, worker) for place, workers in self._surplus.items() for worker in workers
+        ]
         return unwanted + surplus + in_vain
 
     def _is_wanted(self, place: Place) -> bool:

@@ -4,7 +4,7 @@ A page continues after the last row of the one before it, not at a count, so tha
 meanwhile neither repeat nor hide others.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -77,7 +77,7 @@ def find_page(
     key = SORT_KEYS[sort]
     where = conditions(runs)
     total = session.scalar(select(func.count()).select_from(RunRow).where(*where)) or 0
-    query: Select[tuple[RunRow]] = select(RunRow).where(*where)
+    query: Select[RunRow] = select(RunRow).where(*where)
     if after is not None:
         query = query.where(_behind(key, descending, after))
     query = query.order_by(
@@ -127,16 +127,18 @@ def conditions(runs: RunFilter) -> list[ColumnElement[bool]]:
 def _config_is(key: str, text: str) -> ColumnElement[bool]:
     if key not in RunConfig.model_fields:
         raise FilterError(f"config.{key} is unknown; one of: {', '.join(RunConfig.model_fields)}")
-    kind = RunConfig.model_fields[key].annotation
+    kind: Any = RunConfig.model_fields[key].annotation
     try:
         value = TypeAdapter(kind).validate_python(text)
     except ValidationError as error:
         raise FilterError(f"config.{key} = {text!r}: {error.errors()[0]['msg']}") from error
-    stored = RunRow.config[key]
-    if isinstance(value, bool):
-        return stored.as_boolean() == value
-    if isinstance(value, int):
-        return stored.as_integer() == value
-    if isinstance(value, float):
-        return stored.as_float() == value
-    return stored.as_string() == value
+    found: ColumnElement[bool] = _AS_TYPE[type(value)](RunRow.config[key]) == value
+    return found
+
+
+_AS_TYPE: dict[type, Callable[[Any], Any]] = {
+    bool: lambda stored: stored.as_boolean(),
+    int: lambda stored: stored.as_integer(),
+    float: lambda stored: stored.as_float(),
+    str: lambda stored: stored.as_string(),
+}

@@ -312,7 +312,7 @@ class RunStore:
         states: dict[str, dict[str, int]] = {sweep_id: {} for sweep_id in sweep_ids}
         with self._database.reading() as session:
             for sweep_id, state, count in session.execute(query):
-                states[sweep_id][state] = count
+                states[str(sweep_id)][state] = count
         return states
 
     def stop_sweep(self, sweep_id: str, actor: str) -> SweepRow:

@@ -1,0 +1,94 @@
+"""How a worker starts: its options, its session, and whether it has a place or gets leases."""
+
+import argparse
+import logging
+from collections.abc import Callable
+from uuid import UUID
+
+from bpn_shared.bus.session import DEFAULT_ENDPOINT, Bus, BusError
+from bpn_shared.config import ConfigError, RunConfig
+from bpn_shared.heartbeat import Heartbeat
+from bpn_shared.leased import LeaseLoop
+from bpn_shared.messages.lease import Role
+from bpn_shared.run_folder import RunOwnedError
+from bpn_shared.service import end_with_supervisor, new_worker_id, set_up_logging, stop_on_signals
+from bpn_shared.worker import (
+    EXIT_FAILED,
+    EXIT_FINISHED,
+    EXIT_UNRECOVERABLE,
+    Serve,
+    Worker,
+    WorkerProcess,
+    fetch_config,
+)
+
+log = logging.getLogger(__name__)
+
+
+def argument_parser(kind: Role, description: str | None) -> argparse.ArgumentParser:
+    """The options that every worker has."""
+    parser = argparse.ArgumentParser(prog=f"bpn-{kind.replace('_', '-')}", description=description)
+    parser.add_argument(
+        "--run", type=UUID, help="id of the run (default: whichever the registry leases)"
+    )
+    parser.add_argument(
+        "--connect", default=DEFAULT_ENDPOINT, help="the router's endpoint (default %(default)s)"
+    )
+    parser.add_argument(
+        "--place",
+        metavar="LABEL",
+        default="",
+        help="where this worker runs, such as host/core; the registry puts a robot and an edge with "
+        "equal labels together",
+    )
+    return parser
+
+
+def run_worker(kind: Role, options: argparse.Namespace, serve: Serve) -> int:
+    """Sets up logging, signals and session, announces the worker, serves, and closes again.
+
+    With `--run` it serves that run; without, whichever the registry leases, one after the other.
+
+    Returns:
+        The exit status: what `serve` returns; `EXIT_UNRECOVERABLE` for errors that a restart cannot mend.
+    """
+    slot: int = getattr(options, "slot", None) or 0
+    set_up_logging(kind if options.run is None else f"{kind}-{slot}")
+    stop = stop_on_signals()
+    end_with_supervisor()
+    try:
+        with Bus(options.connect, stop=stop) as bus, Heartbeat(lambda: bus.connected):
+            process = WorkerProcess(kind=kind, id=new_worker_id(kind), bus=bus, stop=stop)
+            if options.run is None:
+                return LeaseLoop(process, options.place).run(serve)
+            announced = process.announce(lambda: (options.run, slot))
+            log.info("%s serves run %s, slot %d", process.id, options.run, slot)
+            status = serve(process.at(options.run, slot, bus, stop))
+            del announced
+            return status
+    except BusError as error:
+        log.error("%s", error)
+        return EXIT_FINISHED if stop.is_set() else EXIT_FAILED
+    except (ConfigError, RunOwnedError) as error:
+        log.error("%s", error)
+        return EXIT_UNRECOVERABLE
+
+
+def run_slot_worker(
+    kind: Role,
+    description: str | None,
+    serve: Callable[[Worker, RunConfig], int],
+    argv: list[str] | None = None,
+) -> int:
+    """Runs a worker of one slot, which gets its configuration from the run's learner."""
+    parser = argument_parser(kind, description)
+    parser.add_argument("--slot", type=int, help="which robot of the run, from 0; with --run")
+    options = parser.parse_args(argv)
+    if (options.run is None) != (options.slot is None):
+        parser.error("--run and --slot belong together; without both the registry gives leases")
+
+    def serve_configured(worker: Worker) -> int:
+        config = fetch_config(worker)
+        return EXIT_FINISHED if config is None else serve(worker, config)
+
+    return run_worker(kind, options, serve_configured)

@@ -1,0 +1,129 @@
+"""A worker that goes from lease to lease, as the registry gives them.
+
+The work of each lease has a session of its own, and the lease's token stands in it. When the lease ends the
+session is closed, and every subscription, publication and token of that run goes with it: nothing is left
+for the next run. While the registry is away, workers go on with what they have.
+"""
+
+import logging
+import threading
+from typing import NamedTuple
+from uuid import UUID
+
+from bpn_shared import keys
+from bpn_shared.bus.liveliness import Token
+from bpn_shared.bus.logs import LogPublisher
+from bpn_shared.bus.requests import NoReplyError, RefusedError, Responder, request
+from bpn_shared.bus.session import Bus, BusError
+from bpn_shared.config import ConfigError
+from bpn_shared.messages.base import MessageError
+from bpn_shared.messages.lease import LeaseReply, LeaseRequest, Release, ReleaseReply
+from bpn_shared.run_folder import RunOwnedError
+from bpn_shared.service import set_up_logging
+from bpn_shared.worker import EXIT_FINISHED, Serve, WorkerProcess
+
+log = logging.getLogger(__name__)
+
+_ASK_TIMEOUT_S = 2.0
+_NO_REGISTRY_S = 0.5
+_GIVEN_BACK_S = 1.0
+"""Pause before the next question after a lease that the worker could not use."""
+
+
+class Lease(NamedTuple):
+    """A place, and what ends the work there."""
+
+    run: UUID
+    slot: int
+    stop: threading.Event
+
+
+class LeaseLoop:
+    """Asks the registry for a place, works there until it is released, and asks again.
+
+    Args:
+        label: where this worker runs (`LeaseRequest`).
+    """
+
+    def __init__(self, process: WorkerProcess, label: str) -> None:
+        self._process, self._label = process, label
+        self._lock = threading.Lock()
+        self._lease: Lease | None = None
+
+    def run(self, serve: Serve) -> int:
+        """Works until the process is stopped."""
+        process = self._process
+        announced = process.announce(self._place)
+        control = Responder(
+            process.bus, keys.control(process.kind, process.id), self._release, process.counters
+        )
+        threading.Thread(target=self._pass_stop_on, name="stop", daemon=True).start()
+        while (lease := self._next()) is not None:
+            self._work(lease, serve)
+        del announced, control
+        return EXIT_FINISHED
+
+    def _place(self) -> tuple[UUID | None, int | None]:
+        lease = self._lease
+        return (None, None) if lease is None else (lease.run, lease.slot)
+
+    def _release(self, body: bytes) -> bytes:
+        release = Release.decode(body)
+        with self._lock:
+            lease = self._lease
+            working = lease is not None and str(lease.run) == release.run
+            if lease is not None and working and not lease.stop.is_set():
+                log.info("released from run %s: %s", release.run, release.reason)
+                lease.stop.set()
+        return ReleaseReply(working=working).encode()
+
+    def _pass_stop_on(self) -> None:
+        self._process.stop.wait()
+        with self._lock:
+            if self._lease is not None:
+                self._lease.stop.set()
+
+    def _next(self) -> Lease | None:
+        """The next lease; None if the process was stopped."""
+        process = self._process
+        body = LeaseRequest(role=process.kind, worker=process.id, label=self._label).encode()
+        while not process.stop.is_set():
+            pause_s = _NO_REGISTRY_S
+            try:
+                answer = request(process.bus, keys.lease_request(), body, timeout_s=_ASK_TIMEOUT_S)
+                reply = LeaseReply.decode(answer)
+                if reply.run_id is not None:
+                    process.waiting.done()
+                    return Lease(reply.run_id, reply.slot, threading.Event())
+                pause_s = reply.retry_s
+                process.waiting.set("work: no run needs this worker now")
+            except NoReplyError:
+                process.waiting.set("the registry to give work")
+            except (RefusedError, MessageError) as error:
+                process.counters.refuse("leases_refused", f"asking the registry for work: {error}")
+            process.stop.wait(pause_s)
+        return None
+
+    def _work(self, lease: Lease, serve: Serve) -> None:
+        process = self._process
+        with self._lock:
+            self._lease = lease
+        if process.stop.is_set():  # since the registry was asked
+            lease.stop.set()
+        name = "learner" if process.kind == "learner" else f"{process.kind}-{lease.slot}"
+        set_up_logging(name)
+        try:
+            with Bus(process.bus.endpoint, stop=lease.stop, traffic=process.bus.traffic) as bus:
+                token = Token(bus, keys.lease(lease.run, process.kind, lease.slot, process.id))
+                with LogPublisher(bus, lease.run, name):
+                    log.info("%s serves run %s, slot %d", process.id, lease.run, lease.slot)
+                    serve(process.at(lease.run, lease.slot, bus, lease.stop))
+                del token
+        except (BusError, ConfigError, RunOwnedError) as error:
+            log.error("gives back the lease of run %s: %s", lease.run, error)
+            process.stop.wait(_GIVEN_BACK_S)
+        finally:
+            with self._lock:
+                self._lease = None
+            process.waiting.done()
+            set_up_logging(process.kind)

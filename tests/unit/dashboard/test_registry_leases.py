@@ -1,0 +1,253 @@
+from dataclasses import dataclass
+from uuid import UUID
+
+from hypothesis import settings
+from hypothesis import strategies as st
+from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, rule
+
+from bpn_dashboard.registry.leases import GRANT_S, PATIENCE_S, Demand, LeaseBook, Place
+from bpn_shared.messages.lease import Role
+
+ROLES: tuple[Role, ...] = ("learner", "robot_sim", "edge")
+A, B = UUID(int=1), UUID(int=2)
+
+
+@dataclass
+class Worker:
+    role: Role
+    label: str
+    place: Place | None = None  # where it works or was told to
+    token: bool = False  # the registry can see it there
+
+
+class World(RuleBasedStateMachine):
+    """Workers that come, go, are cut off and return; runs that come and go; registries that restart."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.now_s = 0.0
+        self.book = LeaseBook()
+        self.demands: list[Demand] = []
+        self.runs = self.made = 0
+        self.workers: dict[str, Worker] = {}
+
+    def some(self, data: st.DataObject, **states: object) -> str | None:
+        names = [
+            name
+            for name, worker in self.workers.items()
+            if all(getattr(worker, key) == value for key, value in states.items())
+        ]
+        return data.draw(st.sampled_from(names)) if names else None
+
+    @rule(role=st.sampled_from(ROLES), label=st.sampled_from(["", "h/0", "h/1"]))
+    def a_worker_starts(self, role: Role, label: str) -> None:
+        self.made += 1
+        self.workers[f"{role}-{self.made}"] = Worker(role, label)
+
+    @rule(slots=st.integers(1, 3))
+    def a_run_is_made(self, slots: int) -> None:
+        self.runs += 1
+        self.demands.append(Demand(UUID(int=self.runs), slots))
+        self.book.demand(self.demands)
+
+    @precondition(lambda self: self.demands)
+    @rule(data=st.data())
+    def a_run_ends(self, data: st.DataObject) -> None:
+        self.demands.remove(data.draw(st.sampled_from(self.demands)))
+        self.book.demand(self.demands)
+
+    def ask(self, name: str) -> None:
+        worker = self.workers[name]
+        worker.place = self.book.ask(worker.role, name, worker.label, self.now_s)
+        if worker.place is None:
+            return
+        place = worker.place
+        assert place.role == worker.role
+        slots = {demand.run: demand.slots for demand in self.demands}
+        assert place.slot < (1 if place.role == "learner" else slots[place.run])
+        assert not [w for w in self.workers.values() if w.token and w.place == place]
+        assert place.role == "learner" or self.book.holder(place.learner) is not None
+
+    @rule(data=st.data())
+    def an_idle_worker_asks(self, data: st.DataObject) -> None:
+        if (name := self.some(data, place=None)) is not None:
+            self.ask(name)
+
+    @rule(data=st.data())
+    def a_worker_asks_again_because_no_answer_came(self, data: st.DataObject) -> None:
+        if (name := self.some(data, token=False)) is not None:
+            self.ask(name)
+
+    def arrive(self, name: str) -> None:
+        worker = self.workers[name]
+        if worker.place is not None and not worker.token:
+            worker.token = True
+            self.book.appeared(worker.place, name, self.now_s)
+
+    @rule(data=st.data())
+    def a_token_appears(self, data: st.DataObject) -> None:
+        """Of a worker that was granted a place, or that was cut off for a while."""
+        if (name := self.some(data, token=False)) is not None:
+            self.arrive(name)
+
+    @rule(data=st.data())
+    def a_worker_is_cut_off(self, data: st.DataObject) -> None:
+        if (name := self.some(data, token=True)) is not None:
+            self.workers[name].token = False
+            place = self.workers[name].place
+            assert place is not None
+            self.book.vanished(place, name, self.now_s)
+
+    @rule(data=st.data())
+    def a_worker_dies(self, data: st.DataObject) -> None:
+        if (name := self.some(data)) is not None:
+            worker = self.workers.pop(name)
+            if worker.token and worker.place is not None:
+                self.book.vanished(worker.place, name, self.now_s)
+            self.book.gone(name)
+
+    def drop(self, name: str) -> None:
+        worker = self.workers[name]
+        if worker.token and worker.place is not None:
+            self.book.vanished(worker.place, name, self.now_s)
+        worker.place, worker.token = None, False
+
+    @rule()
+    def releases_are_obeyed(self) -> None:
+        for place, name in self.book.to_release(self.now_s):
+            assert self.workers[name].place == place
+            self.drop(name)
+
+    @rule(seconds=st.sampled_from([0.5, GRANT_S + 0.1, PATIENCE_S + 0.1]))
+    def time_passes(self, seconds: float) -> None:
+        self.now_s += seconds
+
+    @rule(data=st.data())
+    def the_registry_restarts(self, data: st.DataObject) -> None:
+        self.book = LeaseBook()
+        self.book.demand(self.demands)
+        tokens = [(w.place, name) for name, w in self.workers.items() if w.token and w.place]
+        for place, name in data.draw(st.permutations(tokens)):
+            self.book.appeared(place, name, self.now_s)
+
+    @invariant()
+    def nobody_works_beside_another_without_being_released(self) -> None:
+        released = set(self.book.to_release(self.now_s))
+        wanted = {demand.run for demand in self.demands}
+        staying: dict[Place, str] = {}
+        for name, worker in self.workers.items():
+            if worker.token and worker.place and (worker.place, name) not in released:
+                assert worker.place not in staying, (name, staying[worker.place])
+                assert worker.place.run in wanted
+                assert self.book.holder(worker.place) == name
+                staying[worker.place] = name
+
+    def teardown(self) -> None:
+        """Left alone, everything finds its place and stays there."""
+        for _ in range(60):
+            self.releases_are_obeyed()
+            for name in [n for n, worker in self.workers.items() if worker.place is None]:
+                self.ask(name)
+            for name in list(self.workers):
+                self.arrive(name)
+            self.now_s += 1.0
+        self.nobody_works_beside_another_without_being_released()
+        assert self.book.to_release(self.now_s) == []
+        idle = [worker for worker in self.workers.values() if worker.place is None]
+        for demand in self.demands:
+            learner = Place(demand.run, "learner", 0)
+            if self.book.holder(learner) is None:
+                assert not [worker for worker in idle if worker.role == "learner"]
+                continue
+            for slot in range(demand.slots):
+                for role in ("robot_sim", "edge"):
+                    if self.book.holder(Place(demand.run, role, slot)) is None:
+                        assert not [worker for worker in idle if worker.role == role]
+        if self.demands and {worker.role for worker in self.workers.values()} == set(ROLES):
+            assert any(
+                all(self.book.holder(Place(demand.run, role, slot)) for role in ROLES[1:])
+                and self.book.holder(Place(demand.run, "learner", 0))
+                for demand in self.demands
+                for slot in range(demand.slots)
+            ), "some run could go on, and none does"
+
+
+TestWorld = World.TestCase
+TestWorld.settings = settings(max_examples=150, stateful_step_count=40, deadline=None)
+
+
+def filled(book: LeaseBook, role: Role, worker: str, label: str = "", now_s: float = 0.0) -> Place:
+    place = book.ask(role, worker, label, now_s)
+    assert place is not None
+    book.appeared(place, worker, now_s)
+    return place
+
+
+def test_the_oldest_run_gets_the_first_learner_and_every_run_a_pair_before_a_second() -> None:
+    book = LeaseBook()
+    book.demand([Demand(A, 2), Demand(B, 2)])
+    assert book.ask("edge", "e0", "", 0.0) is None  # no run has a learner yet
+    assert filled(book, "learner", "l0") == Place(A, "learner", 0)
+    assert filled(book, "learner", "l1") == Place(B, "learner", 0)
+    assert book.ask("learner", "l2", "", 0.0) is None
+    pairs = [filled(book, "robot_sim", f"r{i}", f"h/{i}") for i in range(4)]
+    assert [(p.run, p.slot) for p in pairs] == [(A, 0), (B, 0), (A, 1), (B, 1)]
+    for i in (3, 0, 2, 1):
+        assert filled(book, "edge", f"e{i}", f"h/{i}") == pairs[i].partner
+
+
+def test_an_edge_leaves_the_place_beside_a_robot_to_the_one_that_shares_its_core() -> None:
+    book = LeaseBook()
+    book.demand([Demand(A, 2)])
+    filled(book, "learner", "l0")
+    assert filled(book, "robot_sim", "r0", "h/0").slot == 0
+    assert filled(book, "edge", "e1", "h/1").slot == 1
+    assert filled(book, "edge", "e0", "h/0").slot == 0
+
+
+def test_nobody_is_moved_for_a_partner_that_is_only_being_restarted() -> None:
+    book = LeaseBook()
+    book.demand([Demand(A, 1), Demand(B, 1)])
+    for run in "ab":
+        filled(book, "learner", f"l{run}")
+        filled(book, "robot_sim", f"r{run}")
+        filled(book, "edge", f"e{run}")
+    book.vanished(Place(A, "edge", 0), "ea", 1000.0)
+    book.vanished(Place(B, "robot_sim", 0), "rb", 1000.0)
+    assert book.to_release(1000.0 + PATIENCE_S - 1) == []
+    assert book.to_release(1000.0 + PATIENCE_S + 1) == [(Place(B, "edge", 0), "eb")]
+
+
+def test_a_pair_whose_learner_does_not_come_back_serves_a_run_that_has_one() -> None:
+    book = LeaseBook()
+    book.demand([Demand(A, 1), Demand(B, 1)])
+    for worker in ("la", "lb"):
+        filled(book, "learner", worker)
+    pair = {(filled(book, "robot_sim", "r"), "r"), (filled(book, "edge", "e"), "e")}
+    book.vanished(Place(A, "learner", 0), "la", 1000.0)
+    assert book.to_release(1000.0 + PATIENCE_S - 1) == []
+    assert set(book.to_release(1000.0 + PATIENCE_S + 1)) == pair
+    for place, worker in pair:
+        book.vanished(place, worker, 1012.0)
+        assert filled(book, place.role, worker, now_s=1012.0) == Place(B, place.role, 0)
+
+
+def test_a_grant_lasts_until_its_token_should_have_come_and_is_repeated() -> None:
+    book = LeaseBook()
+    book.demand([Demand(A, 1)])
+    assert book.ask("learner", "l0", "", 0.0) == Place(A, "learner", 0)
+    assert book.ask("learner", "l1", "", 1.0) is None
+    assert book.ask("learner", "l0", "", 2.0) == Place(A, "learner", 0)  # its answer was lost
+    assert book.ask("learner", "l1", "", 2.0 + GRANT_S + 0.1) == Place(A, "learner", 0)
+    book.appeared(Place(A, "learner", 0), "l0", 8.0)  # late; whoever works has precedence
+    book.appeared(Place(A, "learner", 0), "l1", 8.1)
+    assert book.to_release(8.2) == [(Place(A, "learner", 0), "l1")]
+
+
+def test_nothing_is_granted_while_tokens_are_still_being_told_or_where_it_is_not_admitted() -> None:
+    book = LeaseBook()
+    book.demand([Demand(A, 1), Demand(B, 1)])
+    book.quiet(5.0)
+    assert book.ask("learner", "l0", "", 4.9) is None
+    admitted = book.ask("learner", "l0", "", 5.0, admit=lambda place: place.run != A)
+    assert admitted == Place(B, "learner", 0)
