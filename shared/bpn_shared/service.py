@@ -63,7 +63,7 @@ def end_with_supervisor() -> None:
 
 def new_worker_id(kind: str) -> str:
     """An id for this process; a restarted worker is another worker."""
-    return f"{kind}-{uuid.uuid4().hex[:12]}"
+    return f"{kind.replace('_', '-')}-{uuid.uuid4().hex[:12]}"
 
 
 class Counters:

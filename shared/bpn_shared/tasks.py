@@ -16,7 +16,7 @@ class Task:
         env_id: the Gymnasium id of its simulation.
         frame_channels: c of one camera frame uint8[c, 84, 84].
         frames_stacked: frames in one observation; C = frame_channels * frames_stacked.
-        actions: |A|.
+        action_names: what each action does, with its unit; |A| of them.
         hold_action: the action that leaves the robot where it is; what a robot did when no action
             came in time (realtime pacing).
         control_period_s: time between two frames in realtime pacing.
@@ -26,9 +26,14 @@ class Task:
     env_id: str
     frame_channels: int
     frames_stacked: int
-    actions: int
+    action_names: tuple[str, ...]
     hold_action: int
     control_period_s: float
+
+    @property
+    def actions(self) -> int:
+        """|A|."""
+        return len(self.action_names)
 
     @property
     def frame_shape(self) -> tuple[int, int, int]:
@@ -45,7 +50,11 @@ TASKS = {
         env_id="bpn/Reaching-v0",
         frame_channels=1,
         frames_stacked=1,
-        actions=14,
+        action_names=tuple(
+            f"joint {joint} by {turn}°"
+            for joint in (1, 2)
+            for turn in (-90, -45, -30, 0, 30, 45, 90)
+        ),
         hold_action=3,  # joint 1 by 0 degrees
         control_period_s=CONTROL_PERIOD_S,
     ),
@@ -54,7 +63,7 @@ TASKS = {
         env_id="bpn/Tracking-v0",
         frame_channels=3,
         frames_stacked=2,  # "to estimate the target's velocity", section V-A-2
-        actions=7,
+        action_names=tuple(f"window by {move} px" for move in (-8, -4, -2, 0, 2, 4, 8)),
         hold_action=3,  # the window by 0 px
         control_period_s=CONTROL_PERIOD_S,
     ),
@@ -63,7 +72,12 @@ TASKS = {
         env_id="bpn/PanTilt-v0",
         frame_channels=3,
         frames_stacked=2,
-        actions=17,
+        action_names=(
+            *(f"tilt by {n}°" for n in (-4, -2, 0, 2, 4)),
+            *(f"pan by {n}°" for n in (-4, -2, 2, 4)),
+            *(f"pan by {-n}°, tilt by {n}°" for n in (-4, -2, 2, 4)),
+            *(f"pan by {n}°, tilt by {n}°" for n in (-4, -2, 2, 4)),
+        ),
         hold_action=2,  # both motors by 0 degrees
         control_period_s=CONTROL_PERIOD_S,
     ),

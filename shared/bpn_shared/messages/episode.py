@@ -87,14 +87,7 @@ class Episode:
         Raises:
             MessageError: oversized, malformed, or arrays that do not fit the task or each other.
         """
-        check_size("episode", data, MAX_BYTES)
-        try:
-            parts = _Parts.model_validate(unpack_map("episode", data, SCHEMA))
-        except ValidationError as error:
-            first = error.errors()[0]
-            raise MessageError(
-                f"episode: {'.'.join(map(str, first['loc']))}: {first['msg']}"
-            ) from error
+        parts = _unpack(data)
         steps = parts.steps
         actions = _array("actions", parts.actions, np.uint8, (steps,))
         if actions.max() >= task.actions:
@@ -111,6 +104,16 @@ class Episode:
         )
 
 
+def decode_meta(data: bytes) -> tuple[EpisodeMeta, int]:
+    """Of an episode's bytes only what it is and its number of steps T; no pixels are inflated.
+
+    Raises:
+        MessageError: oversized or malformed.
+    """
+    parts = _unpack(data)
+    return parts.meta, parts.steps
+
+
 class _Parts(Message):
     meta: EpisodeMeta
     steps: Annotated[int, Field(ge=1, le=MAX_STEPS)]
@@ -119,6 +122,17 @@ class _Parts(Message):
     outputs: bytes
     inference_ns: bytes
     camera_to_action_ns: bytes
+
+
+def _unpack(data: bytes) -> _Parts:
+    check_size("episode", data, MAX_BYTES)
+    try:
+        return _Parts.model_validate(unpack_map("episode", data, SCHEMA))
+    except ValidationError as error:
+        first = error.errors()[0]
+        raise MessageError(
+            f"episode: {'.'.join(map(str, first['loc']))}: {first['msg']}"
+        ) from error
 
 
 def _array(

@@ -30,7 +30,7 @@ def test_an_episode_holds_what_was_seen_done_and_computed(
         )
         np.testing.assert_array_equal(recorder.observation(), frame)
         if step < len(actions):
-            recorder.add_outputs(outputs[step], step)
+            recorder.add_outputs(outputs[step], step, edge_ns=step)
     assignment = Assignment(
         verdict="play", iteration=4, episode=2, seed=5, weights_attempt=1, weights_version=4
     )
@@ -42,6 +42,33 @@ def test_an_episode_holds_what_was_seen_done_and_computed(
     assert episode.meta.failed == failed
     assert episode.meta.deadline_misses == len(actions) // 2
     assert episode.meta.duration_ns == len(actions)
+
+
+@given(
+    st.lists(
+        st.tuples(*[st.integers(1, 10**6)] * 3, st.booleans()).map(list), min_size=1, max_size=30
+    ),
+    st.integers(-(10**9), 10**9),
+)
+def test_the_hops_of_a_step_add_up_to_its_round_trip(hops: list[list[int]], offset_ns: int) -> None:
+    """The robot's clock is `offset_ns` behind: whatever it is, what one clock measured stays right."""
+    recorder, now_ns, loop_ns = EpisodeRecorder(TASK), 10**12, 0
+    pixels = np.zeros(TASK.frame_shape, np.uint8)
+    for step, (there_ns, edge_ns, back_ns, in_time) in enumerate(hops):
+        header = FrameHeader(FrameKind.MID, 0, 0, step, 9, now_ns - offset_ns, 0, loop_ns)
+        recorder.add_frame(header, pixels, now_ns + there_ns)
+        recorder.add_outputs(np.zeros(TASK.actions, np.int32), 1, edge_ns)
+        loop_ns = (there_ns + edge_ns + back_ns) * in_time
+        now_ns += 10**7
+    last = FrameHeader(FrameKind.LAST, 0, 0, len(hops), 9, now_ns - offset_ns, 0, loop_ns)
+    recorder.add_frame(last, pixels, now_ns)
+    us = recorder.latencies_us()
+    answered = [hop for hop in hops if hop[3]]
+    assert us["edge_us"].tolist() == [edge / 1e3 for _, edge, _, _ in hops]
+    assert us["bus_us"].tolist() == [(there + back) / 1e3 for there, _, back, _ in answered]
+    assert us["camera_to_action_us"].tolist() == [sum(hop[:3]) / 1e3 for hop in answered]
+    assert us["camera_to_edge_us"].tolist() == [(hop[0] + offset_ns) / 1e3 for hop in hops]
+    assert us["action_to_robot_us"].tolist() == [(hop[2] - offset_ns) / 1e3 for hop in answered]
 
 
 @given(st.integers(0, 50), st.integers(1, 6))

@@ -12,9 +12,12 @@ from hypothesis import strategies as st
 from bpn_shared.messages.action import Action
 from bpn_shared.messages.base import MAX_CONTROL_BYTES, MessageError
 from bpn_shared.messages.control import Assignment, EpisodeReceipt, NextEpisode, Reset, ResetReply
+from bpn_shared.messages.decision import Decision
 from bpn_shared.messages.episode import Episode, EpisodeMeta
 from bpn_shared.messages.frame import FrameHeader, FrameKind, decode_frame
 from bpn_shared.messages.metrics import MetricsBatch, Point
+from bpn_shared.messages.preview import PreviewHeader, check_pixels
+from bpn_shared.messages.telemetry import KeyTraffic, Percentiles, Telemetry, WeightsMark
 from bpn_shared.tasks import task_named
 
 REACHING = task_named("reaching")
@@ -22,6 +25,10 @@ u32, u64 = st.integers(0, 2**32 - 1), st.integers(0, 2**64 - 1)
 headers = st.builds(
     FrameHeader, st.sampled_from(FrameKind), u32, u32, u32, u64, u64, st.integers(0, 255), u32, u32,
     st.just(1),
+)  # fmt: skip
+previews = st.builds(
+    lambda channels, stacked, *rest: PreviewHeader(channels * stacked, stacked, *rest),
+    st.integers(1, 4), st.integers(1, 16), u32, u32, u32, u64,
 )  # fmt: skip
 actions = st.builds(Action, st.integers(0, 13), u32, u32, u64, u32, u32)
 
@@ -50,17 +57,33 @@ MESSAGES = [
     Assignment(verdict="play", iteration=1, episode=2, seed=3, weights_version=1),
     EpisodeReceipt(verdict="refused", reason="no"),
     MetricsBatch(points=[Point(name="loss", step=1, value=0.5, time_ns=1)]),
-]
+    Decision(
+        iteration=1, episode=2, step=3, action=4, outputs=[-5, 2**31 - 1], scale=0.25,
+        weights_version=1, inference_ns=5000, edge_ns=90_000, time_ns=2**63,
+    ),
+    Telemetry(
+        kind="edge", worker="edge-1", run="0198c0de-0000-7000-8000-000000000001", slot=3, host="cell",
+        clock="boot", pid=7, time_ns=1, uptime_s=0.5, waiting_for="a frame", waiting_s=0.25,
+        cpu_percent=3.5, rss_bytes=2**30, counters={"frames_refused": 1},
+        weights={"loaded": WeightsMark(attempt=1, version=2, time_ns=3)},
+        latencies={"edge_us": Percentiles(count=1, p50_us=-1.5, p95_us=2.0, p99_us=2.0, max_us=9.0)},
+        traffic=[KeyTraffic(key="a/b", direction="sent", messages=1, bytes=2, dropped=0)],
+    ),
+]  # fmt: skip
 DECODERS: list[tuple[bytes, Callable[[bytes], object]]] = [
     *((message.encode(), type(message).decode) for message in MESSAGES),
     (EPISODE.encode(), lambda data: Episode.decode(data, REACHING)),
     (FrameHeader(FrameKind.MID, 1, 2, 3, 4, 5).encode(), FrameHeader.decode),
     (Action(1, 2, 3, 4, 5, 6).encode(), lambda data: Action.decode(data, 14)),
+    (PreviewHeader(6, 2, 3, 4, 5, 6).encode(), PreviewHeader.decode),
 ]
 
 
-@given(headers, actions)
-def test_structs_survive_the_wire(header: FrameHeader, action: Action) -> None:
+@given(headers, actions, previews)
+def test_structs_survive_the_wire(
+    header: FrameHeader, action: Action, preview: PreviewHeader
+) -> None:
+    assert PreviewHeader.decode(preview.encode()) == preview
     assert FrameHeader.decode(header.encode()) == header
     assert Action.decode(action.encode(), 14) == action
 
@@ -109,6 +132,15 @@ def test_a_frame_of_another_size_is_refused(extra: bytes) -> None:
     header = FrameHeader(FrameKind.MID, 0, 0, 0, 0, 0).encode()
     with pytest.raises(MessageError, match=r"the task's frames \[1, 84, 84\] have 7056 bytes"):
         decode_frame(header, bytes(7057) + extra, REACHING.frame_shape)
+
+
+def test_a_preview_must_be_whole_frames_of_its_shape() -> None:
+    with pytest.raises(MessageError, match="5 channels are no 2 stacked frames"):
+        PreviewHeader.decode(PreviewHeader(5, 2, 0, 0, 0, 0).encode())
+    header = PreviewHeader(2, 2, 0, 0, 0, 0)
+    check_pixels(header, bytes(2 * 84 * 84))
+    with pytest.raises(MessageError, match="2 channels have 14112"):
+        check_pixels(header, bytes(84 * 84))
 
 
 def test_an_action_that_the_task_does_not_have_is_refused() -> None:

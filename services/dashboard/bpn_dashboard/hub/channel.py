@@ -13,6 +13,9 @@ from bpn_dashboard.hub.topics import Topic
 
 Raw = TypeVar("Raw")
 
+MAX_KEPT_BYTES = 4 * 1024 * 1024
+"""Of one topic, however few messages that is; but never less than the newest."""
+
 
 class CameraFrame(NamedTuple):
     """An observation as the robot's network sees it, uint8[channels, height, width]."""
@@ -33,9 +36,14 @@ class Item:
     t_unix_s: float
     content: bytes | CameraFrame
 
+    @property
+    def size_bytes(self) -> int:
+        pixels = self.content.pixels if isinstance(self.content, CameraFrame) else self.content
+        return len(pixels)
+
 
 class Channel(Generic[Raw]):
-    """The newest `kept` messages of a topic, numbered.
+    """The newest `kept` messages of a topic, or `MAX_KEPT_BYTES` of them, numbered.
 
     `put` may be called on any thread and never waits; all else belongs to the event loop. Both the place
     where messages arrive and the one where they are kept are bounded: what does not fit is gone, and its
@@ -59,6 +67,7 @@ class Channel(Generic[Raw]):
         self._overflow = 0
         self._announced = False
         self._items: deque[Item] = deque(maxlen=kept)
+        self._kept_bytes = 0
         self._seq = 0
         self._listeners: set[Callable[[], None]] = set()
 
@@ -84,9 +93,16 @@ class Channel(Generic[Raw]):
             content = self._decode(raw)
             if content is not None:
                 self._seq += 1
-                self._items.append(Item(self._seq, t_unix_s, content))
+                self._keep(Item(self._seq, t_unix_s, content))
         for listener in tuple(self._listeners):
             listener()
+
+    def _keep(self, item: Item) -> None:
+        items = self._items
+        self._kept_bytes += item.size_bytes
+        while items and (len(items) == items.maxlen or self._kept_bytes > MAX_KEPT_BYTES):
+            self._kept_bytes -= items.popleft().size_bytes
+        items.append(item)
 
     @property
     def seq(self) -> int:

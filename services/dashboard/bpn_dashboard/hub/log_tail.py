@@ -1,6 +1,7 @@
 """The end of a run's logs, followed while somebody reads them."""
 
 import asyncio
+import io
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -34,7 +35,7 @@ class _File:
         end = data.rfind(b"\n") + 1
         if end == 0 and len(data) == _MAX_READ_BYTES:
             end = len(data)  # no line is that long
-        for raw in data[:end].splitlines(keepends=True):
+        for raw in io.BytesIO(data[:end]):
             offset = self._offset
             self._offset += len(raw)
             if self._skip_first:

@@ -24,11 +24,11 @@ UVICORN_OPTIONS: dict[str, Any] = {
 }
 """What uvicorn has to be told for this route."""
 
-CLOSE_PROTOCOL, CLOSE_NO_SESSION, CLOSE_FULL = 4400, 4401, 4429
+CLOSE_PROTOCOL, CLOSE_NO_SESSION, CLOSE_FULL, CLOSE_NO_BUS = 4400, 4401, 4429, 4503
 _HELLO_DEADLINE_S = 10.0
 _SEND_DEADLINE_S = 60.0
 _CLOSE_DEADLINE_S = 1.0
-_SESSION_PERIOD_S = 5.0
+SESSION_PERIOD_S = 5.0
 _MAX_ERRORS = 100
 
 MayWatch = Callable[[WebSocket], bool]
@@ -44,8 +44,17 @@ class _CloseError(Exception):
         self.code, self.reason = code, reason
 
 
-def live_route(hub: Callable[[], Hub], may_watch: MayWatch) -> APIRouter:
-    """The route, for a hub that exists once the application has started."""
+def live_route(
+    hub: Callable[[], Hub | None],
+    may_watch: MayWatch,
+    *,
+    session_period_s: float = SESSION_PERIOD_S,
+) -> APIRouter:
+    """The route, for a hub that exists once the message bus is reached.
+
+    Args:
+        session_period_s: how often `may_watch` is asked again.
+    """
     router = APIRouter()
 
     @router.websocket(PATH)
@@ -56,7 +65,10 @@ def live_route(hub: Callable[[], Hub], may_watch: MayWatch) -> APIRouter:
         await websocket.accept()
         try:
             _require(allowed)
-            await _serve(websocket, hub(), may_watch)
+            running = hub()
+            if running is None:
+                raise _CloseError(CLOSE_NO_BUS, "the message bus is not reached yet; try again")
+            await _serve(websocket, running, may_watch, session_period_s)
         except WebSocketDisconnect:
             pass
         except _CloseError as error:
@@ -87,7 +99,9 @@ class _Transport:
             await self._websocket.send_bytes(data)
 
 
-async def _serve(websocket: WebSocket, hub: Hub, may_watch: MayWatch) -> None:
+async def _serve(
+    websocket: WebSocket, hub: Hub, may_watch: MayWatch, session_period_s: float
+) -> None:
     transport = _Transport(websocket)
     try:
         client = hub.connect(transport)
@@ -98,7 +112,7 @@ async def _serve(websocket: WebSocket, hub: Hub, may_watch: MayWatch) -> None:
         await _until_one_ends(
             client.send_forever(),
             _receive_forever(websocket, transport, client),
-            _watch_session(websocket, may_watch),
+            _watch_session(websocket, may_watch, session_period_s),
         )
     except TimeoutError:
         raise _CloseError(CLOSE_PROTOCOL, "nothing was heard or taken in time") from None
@@ -170,7 +184,9 @@ def _obey(message: protocol.ClientMessage, client: Client) -> str | None:
     return None
 
 
-async def _watch_session(websocket: WebSocket, may_watch: MayWatch) -> None:
+async def _watch_session(
+    websocket: WebSocket, may_watch: MayWatch, session_period_s: float
+) -> None:
     while True:
-        await asyncio.sleep(_SESSION_PERIOD_S)
+        await asyncio.sleep(session_period_s)
         _require(await asyncio.to_thread(may_watch, websocket))

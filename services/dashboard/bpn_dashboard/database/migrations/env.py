@@ -2,6 +2,7 @@
 
 from alembic import context
 
+from bpn_dashboard.database import access_tables, series_tables  # noqa: F401 - into the metadata
 from bpn_dashboard.database.tables import Base
 
 context.configure(

@@ -1,0 +1,125 @@
+"""Tokens for scripts, sessions of browsers, and the links that become sessions.
+
+All three are 256 random bits of which only the SHA-256 is stored: who reads the database cannot log in.
+"""
+
+import hashlib
+import secrets
+import time
+from collections.abc import Sequence
+from typing import Literal, cast
+
+import uuid_utils
+from sqlalchemy import Select, delete, select
+
+from bpn_dashboard.access.roles import Identity, Role
+from bpn_dashboard.database.access_tables import SecretRow, TokenRow
+from bpn_dashboard.database.engine import Database
+
+Kind = Literal["token", "session", "link"]
+
+SESSION_S = 30 * 86_400.0
+LINK_S = 24 * 3600.0
+_PREFIX = "bpn_"  # secret scanners find it
+_USED_EVERY_S = 60.0
+_MAX_CHARACTERS = 200
+
+
+class Tokens:
+    """All that lets somebody in. Its methods may be called from any thread."""
+
+    def __init__(self, database: Database) -> None:
+        self._database = database
+
+    def issue(
+        self, kind: Kind, name: str, role: Role, *, lifetime_s: float | None = None
+    ) -> tuple[TokenRow, str]:
+        """A new one; its secret is the second value, and cannot be had again."""
+        row, secret = _new(kind, name, role, lifetime_s)
+        with self._database.writing() as session:
+            session.execute(delete(TokenRow).where(TokenRow.expires_at < time.time()))
+            session.add(row)
+        return row, secret
+
+    def identify(self, secret: str) -> Identity | None:
+        """Who has this token or session; None if there is none, or it has expired."""
+        now = time.time()
+        with self._database.reading() as session:
+            row = session.scalar(_matching(secret, now).where(TokenRow.kind != "link"))
+        if row is None:
+            return None
+        if row.last_used_at is None or now - row.last_used_at > _USED_EVERY_S:
+            with self._database.writing() as session:
+                if (stored := session.get(TokenRow, row.id)) is not None:
+                    stored.last_used_at = now
+        return _identity(row)
+
+    def log_in(self, secret: str) -> tuple[Identity, str] | None:
+        """Makes a session from a link, which is used up by it, or from a token; None if it is neither.
+
+        Returns:
+            Who it is, and the session's secret.
+        """
+        with self._database.writing() as session:
+            found = session.scalar(_matching(secret, time.time()).where(TokenRow.kind != "session"))
+            if found is None:
+                return None
+            if found.kind == "link":
+                session.delete(found)
+            row, session_secret = _new("session", found.name, cast(Role, found.role), SESSION_S)
+            session.add(row)
+        return _identity(row), session_secret
+
+    def list(self) -> list[TokenRow]:
+        """Every token and session that has not expired, newest first."""
+        alive = (TokenRow.expires_at.is_(None)) | (TokenRow.expires_at > time.time())
+        with self._database.reading() as session:
+            rows = session.scalars(
+                select(TokenRow)
+                .where(alive, TokenRow.kind != "link")
+                .order_by(TokenRow.created_at.desc())
+            )
+            return [*rows]
+
+    def revoke(self, token_id: str, kinds: Sequence[Kind] = ("token", "session")) -> bool:
+        """Makes one of these kinds worthless from now on; whether there was one of that id."""
+        with self._database.writing() as session:
+            row = session.get(TokenRow, token_id)
+            found = row is not None and row.kind in kinds
+            if found:
+                session.delete(row)
+        return found
+
+
+def secret_key(database: Database, name: str) -> bytes:
+    """32 random bytes for a purpose, the same whenever this database is opened."""
+    with database.writing() as session:
+        row = session.get(SecretRow, name)
+        if row is None:
+            row = SecretRow(name=name, value=secrets.token_bytes(32))
+            session.add(row)
+        return row.value
+
+
+def _matching(secret: str, now: float) -> Select[TokenRow]:
+    alive = (TokenRow.expires_at.is_(None)) | (TokenRow.expires_at > now)
+    return select(TokenRow).where(TokenRow.sha256 == _digest(secret), alive)
+
+
+def _new(kind: Kind, name: str, role: Role, lifetime_s: float | None) -> tuple[TokenRow, str]:
+    secret = _PREFIX + secrets.token_urlsafe(32)
+    now = time.time()
+    row = TokenRow(
+        id=str(uuid_utils.uuid7()), kind=kind, name=name, role=role, sha256=_digest(secret),
+        created_at=now, last_used_at=None,
+        expires_at=None if lifetime_s is None else now + lifetime_s,
+    )  # fmt: skip
+    return row, secret
+
+
+def _digest(secret: str) -> str:
+    return hashlib.sha256(secret[:_MAX_CHARACTERS].encode("utf-8", "replace")).hexdigest()
+
+
+def _identity(row: TokenRow) -> Identity:
+    return Identity(row.id, row.name, cast(Role, row.role))

@@ -1,0 +1,84 @@
+"""The application: every operation under /api/v1, health, metrics, the UI, behind the guard."""
+
+from collections.abc import Callable, Iterable, Sequence
+from contextlib import AbstractAsyncContextManager
+from typing import Any
+
+from fastapi import APIRouter, FastAPI
+
+from bpn_dashboard.access.guard import Guard
+from bpn_dashboard.api import (
+    artefacts,
+    episodes,
+    logs,
+    problems,
+    prometheus,
+    runs,
+    series,
+    session,
+    static,
+    sweeps,
+    system,
+)
+from bpn_dashboard.api.context import Context, Viewer
+from bpn_dashboard.api.openapi import describe
+
+PREFIX = "/api/v1"
+MAX_BODY_BYTES = 1024 * 1024
+
+Lifespan = Callable[[FastAPI], AbstractAsyncContextManager[None]]
+
+
+class Application(Guard):
+    """The guard with what it guards.
+
+    Attributes:
+        api: the application inside.
+    """
+
+    def __init__(self, api: FastAPI, hosts: Iterable[str]) -> None:
+        super().__init__(api, hosts)
+        self.api = api
+
+
+def create_app(
+    context: Context,
+    *,
+    hosts: Iterable[str] = (),
+    lifespan: Lifespan | None = None,
+    routers: Sequence[APIRouter] = (),
+) -> Application:
+    """The application as ASGI.
+
+    Args:
+        hosts: names by which browsers reach the dashboard, beside loopback's.
+        routers: more routes, such as the live hub's, with their whole paths.
+    """
+    app = FastAPI(
+        title="bpn dashboard",
+        version="1",
+        summary="Runs of binarized-policy learning: start, watch, compare.",
+        openapi_url=None,  # below, for who is logged in
+        docs_url=None,  # its pages come from a CDN
+        redoc_url=None,
+        lifespan=lifespan,
+        max_body_size=MAX_BODY_BYTES,
+        redirect_slashes=False,
+    )
+    app.state.context = context
+    problems.install(app)
+    for module in (session, runs, sweeps, series, artefacts, episodes, logs, system):
+        app.include_router(module.router, prefix=PREFIX)
+
+    @app.get(f"{PREFIX}/openapi.json", operation_id="getOpenApi", tags=["system"])
+    def openapi_document(_who: Viewer) -> dict[str, Any]:
+        """This interface as OpenAPI 3.1."""
+        return app.openapi()
+
+    app.include_router(system.health_router)
+    app.include_router(prometheus.router)
+    for router in routers:
+        app.include_router(router)
+    app.include_router(static.ui_routes())
+    describe(app)
+    return Application(app, hosts)

@@ -1,0 +1,192 @@
+"""Stored episodes: what the robot saw and did, step by step."""
+
+from pathlib import Path
+from typing import Annotated
+
+from fastapi import APIRouter, Query, Response
+from pydantic import BaseModel, Field
+
+from bpn_dashboard.api.context import Context, Parts, Viewer
+from bpn_dashboard.api.problems import ApiError, responses
+from bpn_dashboard.api.records import record_of
+from bpn_shared.bnn.blob import BlobError, WeightBlob
+from bpn_shared.config import RunConfig
+from bpn_shared.messages.base import MessageError
+from bpn_shared.messages.episode import Episode, decode_meta
+from bpn_shared.run_folder import RunFolder
+
+router = APIRouter(tags=["episodes"])
+
+_COUNT = Field(ge=0, lt=2**32)
+
+
+class EpisodeQuery(BaseModel):
+    """Which iteration's; without one, the newest that has episodes."""
+
+    model_config = {"extra": "forbid"}
+
+    iteration: Annotated[int | None, _COUNT] = None
+
+
+class EpisodeItem(BaseModel):
+    """An episode that is on disk."""
+
+    iteration: int
+    episode: int
+    steps: int
+    return_px: Annotated[float | None, Field(description="null until the iteration is learned")]
+    weights_version: int
+    slot: int
+    worker: str
+
+
+class EpisodeList(BaseModel):
+    """The episodes of one iteration in order, and which iterations have any."""
+
+    iteration: int | None
+    first_iteration: int | None
+    last_iteration: int | None
+    items: list[EpisodeItem]
+
+
+class EpisodeSteps(BaseModel):
+    """An episode without its pixels; lists have one entry for each of the T steps."""
+
+    steps: int
+    actions: list[int]
+    action_names: Annotated[list[str], Field(description="of all actions, by number")]
+    outputs: Annotated[list[list[float]], Field(description="the network's o for each action")]
+    preferences: Annotated[list[list[float]], Field(description="P = lambda * o")]
+    rewards_px: Annotated[list[float] | None, Field(description="null until it is learned from")]
+    weights_version: int
+    scale: Annotated[float, Field(description="lambda of these weights")]
+    camera_to_action_us: Annotated[
+        list[float | None], Field(description="null where no action came in time")
+    ]
+    inference_us: list[float]
+
+
+@router.get("/runs/{run_id}/episodes", operation_id="listEpisodes", responses=responses(404, 422))
+def list_episodes(
+    _who: Viewer, parts: Parts, run_id: str, query: Annotated[EpisodeQuery, Query()]
+) -> EpisodeList:
+    """The stored episodes of an iteration."""
+    folder = _folder(parts, run_id)
+    names = sorted(path.name for path in (folder.path / "episodes").glob("*.bpne"))
+    first, last = (int(names[0][:6]), int(names[-1][:6])) if names else (None, None)
+    iteration = last if query.iteration is None else query.iteration
+    if iteration is None:
+        return EpisodeList(iteration=None, first_iteration=None, last_iteration=None, items=[])
+    record = record_of(folder.path / "metrics.jsonl", iteration)
+    returns_px = record.get("returns_px", []) if record else []
+    items = []
+    for path in sorted((folder.path / "episodes").glob(f"{iteration:06d}-*.bpne")):
+        try:
+            meta, steps = decode_meta(path.read_bytes())
+        except (MessageError, OSError):  # damaged, or set aside just now
+            continue
+        items.append(
+            EpisodeItem(
+                iteration=meta.iteration,
+                episode=meta.episode,
+                steps=steps,
+                return_px=returns_px[meta.episode] if meta.episode < len(returns_px) else None,
+                weights_version=meta.weights_version,
+                slot=meta.slot,
+                worker=meta.worker,
+            )
+        )
+    return EpisodeList(iteration=iteration, first_iteration=first, last_iteration=last, items=items)
+
+
+@router.get(
+    "/runs/{run_id}/episodes/{iteration}/{episode}",
+    operation_id="getEpisode",
+    responses=responses(404, 422),
+)
+def get_episode(
+    _who: Viewer,
+    parts: Parts,
+    run_id: str,
+    iteration: Annotated[int, _COUNT],
+    episode: Annotated[int, _COUNT],
+) -> EpisodeSteps:
+    """What an episode's robot did, and what the policy thought of it."""
+    folder, config = _folder(parts, run_id), parts.runs.folder(run_id).config()
+    stored = _episode(folder, config, iteration, episode)
+    scale = _scale(folder.weights_path(stored.meta.weights_version))
+    waited_us = stored.camera_to_action_ns / 1e3
+    return EpisodeSteps(
+        steps=stored.steps,
+        actions=stored.actions.tolist(),
+        action_names=list(config.task_spec.action_names),
+        outputs=stored.outputs.tolist(),
+        preferences=(stored.outputs * scale).tolist(),
+        rewards_px=_rewards_px(folder, iteration, episode),
+        weights_version=stored.meta.weights_version,
+        scale=scale,
+        camera_to_action_us=[value or None for value in waited_us.tolist()],
+        inference_us=(stored.inference_ns / 1e3).tolist(),
+    )
+
+
+@router.get(
+    "/runs/{run_id}/episodes/{iteration}/{episode}/frames",
+    operation_id="getEpisodeFrames",
+    response_class=Response,
+    responses=responses(404, 422)
+    | {
+        200: {
+            "content": {"application/octet-stream": {"schema": {"format": "binary"}}},
+            "headers": {
+                "X-Frames-Shape": {
+                    "schema": {"type": "string"},
+                    "description": "T+1,channels,height,width",
+                }
+            },
+        }
+    },
+)
+def get_episode_frames(
+    _who: Viewer,
+    parts: Parts,
+    run_id: str,
+    iteration: Annotated[int, _COUNT],
+    episode: Annotated[int, _COUNT],
+) -> Response:
+    """An episode's frames: uint8, one after the other, each [channels, height, width]."""
+    folder = _folder(parts, run_id)
+    frames = _episode(folder, folder.config(), iteration, episode).frames
+    return Response(
+        frames.tobytes(),
+        media_type="application/octet-stream",
+        headers={"X-Frames-Shape": ",".join(map(str, frames.shape))},
+    )
+
+
+def _folder(parts: Context, run_id: str) -> RunFolder:
+    parts.runs.get(run_id)
+    return parts.runs.folder(run_id)
+
+
+def _episode(folder: RunFolder, config: RunConfig, iteration: int, episode: int) -> Episode:
+    try:
+        data = folder.episode_path(iteration, episode).read_bytes()
+        return Episode.decode(data, config.task_spec)
+    except FileNotFoundError:
+        raise ApiError(404, "unknown-episode", "the run has no such episode on disk") from None
+    except MessageError as error:
+        raise ApiError(422, "damaged-episode", f"the stored episode is damaged: {error}") from error
+
+
+def _scale(path: Path) -> float:
+    try:
+        return float(WeightBlob.decode(path.read_bytes()).scale)
+    except (OSError, BlobError) as error:
+        raise ApiError(422, "damaged-weights", "the episode's weights cannot be read") from error
+
+
+def _rewards_px(folder: RunFolder, iteration: int, episode: int) -> list[float] | None:
+    record = record_of(folder.path / "rewards.jsonl", iteration)
+    rewards = record.get("rewards_px", []) if record else []
+    return list(rewards[episode]) if episode < len(rewards) else None

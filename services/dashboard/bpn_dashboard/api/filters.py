@@ -1,0 +1,78 @@
+"""Which runs: the same filter in a list's query string and in a series query's body."""
+
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, create_model
+
+from bpn_dashboard.registry.query import SORT_KEYS, RunFilter
+from bpn_shared.config import RunConfig
+
+_CONFIG = "config."
+_CONFIG_KEYS: dict[str, Any] = {
+    f"config_{name}": (
+        Annotated[
+            str | None,
+            Field(alias=_CONFIG + name, max_length=200, description=f"this value of {name}"),
+        ],
+        None,
+    )
+    for name in RunConfig.model_fields
+}
+
+
+class _Runs(BaseModel):
+    model_config = ConfigDict(extra="forbid")
+
+    search: Annotated[
+        str, Field(max_length=200, description="part of name, notes, tags or id, in any case")
+    ] = ""
+    state: Annotated[
+        str, Field(max_length=200, description="states, separated by commas", examples=["running"])
+    ] = ""
+    task: Annotated[str | None, Field(max_length=100)] = None
+    algorithm: Annotated[str | None, Field(max_length=100)] = None
+    sweep_id: Annotated[str | None, Field(max_length=100)] = None
+    archived: bool = False
+
+    def to_filter(self) -> RunFilter:
+        """As the registry takes it."""
+        config = {
+            name.removeprefix("config_"): value
+            for name in self.model_fields_set & _CONFIG_KEYS.keys()
+            if (value := getattr(self, name)) is not None
+        }
+        return RunFilter(
+            search=self.search,
+            states=tuple(state for state in self.state.split(",") if state),
+            task=self.task,
+            algorithm=self.algorithm,
+            sweep_id=self.sweep_id,
+            archived=self.archived,
+            config=config,
+        )
+
+
+if TYPE_CHECKING:
+    SortKey = str
+
+    class RunFilterQuery(_Runs):
+        """Conditions that a run must all meet."""
+
+else:
+    SortKey = Literal[tuple(direction + key for key in SORT_KEYS for direction in ("", "-"))]
+
+    RunFilterQuery = create_model(
+        "RunFilter", __base__=_Runs, __doc__="Conditions that a run must all meet.", **_CONFIG_KEYS
+    )
+
+
+class RunListQuery(RunFilterQuery):
+    """Which runs, in which order, and which page of them."""
+
+    sort: Annotated[SortKey, Field(description="a key; with - before it, descending")] = (
+        "-created_at"
+    )
+    cursor: Annotated[
+        str | None, Field(max_length=1000, description="next_cursor of the page before")
+    ] = None
+    limit: Annotated[int, Field(ge=1, le=200)] = 50

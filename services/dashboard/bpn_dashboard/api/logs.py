@@ -1,0 +1,147 @@
+"""What the services of a run said, newest first."""
+
+import heapq
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Literal
+
+from fastapi import APIRouter, Query
+from pydantic import BaseModel, Field
+
+from bpn_dashboard.api.context import Parts, Viewer
+from bpn_dashboard.api.problems import responses
+from bpn_shared import log_lines
+
+router = APIRouter(tags=["logs"])
+
+Level = Literal["DEBUG", "INFO", "WARNING", "ERROR", "CRITICAL"]
+
+_BLOCK_BYTES = 256 * 1024
+_MAX_LINE_BYTES = 64 * 1024
+_MAX_FOLLOWING = 200
+_MAX_SCANNED = 200_000
+"""Lines that one request reads; whoever wants more goes on from the cursor."""
+
+
+class LogQuery(BaseModel):
+    """Which lines."""
+
+    model_config = {"extra": "forbid"}
+
+    service: Annotated[str | None, Field(max_length=100)] = None
+    level: Annotated[Level | None, Field(description="this level or a higher one")] = None
+    search: Annotated[str, Field(max_length=200, description="part of it, in any case")] = ""
+    cursor: Annotated[str | None, Field(max_length=4000)] = None
+    limit: Annotated[int, Field(ge=1, le=1000)] = 200
+
+
+class LogItem(BaseModel):
+    """What a service said once, with the traceback that belongs to it."""
+
+    id: str
+    time_unix_s: float | None
+    level: str
+    service: str
+    message: str
+
+
+class LogPage(BaseModel):
+    """Newest first. `next_cursor` leads to older ones; a page may have fewer than asked for before the end."""
+
+    items: list[LogItem]
+    next_cursor: str | None
+
+
+@router.get("/runs/{run_id}/logs", operation_id="getLogs", responses=responses(404, 422))
+def get_logs(
+    _who: Viewer, parts: Parts, run_id: str, query: Annotated[LogQuery, Query()]
+) -> LogPage:
+    """Lines of the run's services, newest first."""
+    parts.runs.get(run_id)
+    scope = ["logs", run_id, query.model_dump(exclude={"cursor", "limit"})]
+    files = {path.stem: path for path in sorted(parts.runs.folder(run_id).logs.glob("*.log"))}
+    if query.service is not None:
+        files = {name: path for name, path in files.items() if name == query.service}
+    ends = {name: path.stat().st_size for name, path in files.items()}
+    if query.cursor is not None:
+        ends |= parts.cursors.decode(query.cursor, scope)
+    items: list[LogItem] = []
+    entries = heapq.merge(
+        *(_entries(name, path, ends[name]) for name, path in files.items()),
+        key=lambda entry: -entry.time_unix_s,
+    )
+    for scanned, entry in enumerate(entries):
+        if len(items) == query.limit or scanned == _MAX_SCANNED:
+            return LogPage(items=items, next_cursor=parts.cursors.encode(ends, scope))
+        ends[entry.service] = entry.begin
+        if _wanted(entry.line, query):
+            items.append(_shown(entry))
+    return LogPage(items=items, next_cursor=None)
+
+
+@dataclass(frozen=True)
+class _Entry:
+    """A line with those that belong to it.
+
+    Attributes:
+        begin: where it stands in its file; what is older stands before.
+        time_unix_s: its time, or that of the next line that has one.
+    """
+
+    service: str
+    begin: int
+    time_unix_s: float
+    line: log_lines.LogLine
+
+
+def _entries(service: str, path: Path, end: int) -> Iterator[_Entry]:
+    """The entries that begin before `end`, from the last to the first."""
+    following: list[str] = []
+    time_unix_s = math.inf
+    for begin, data in _lines_backwards(path, end):
+        text = data.decode("utf-8", "replace")
+        line = log_lines.parse(text)
+        if line.time_unix_s is None and begin > 0 and len(following) < _MAX_FOLLOWING:
+            following.append(text)
+            continue
+        time_unix_s = time_unix_s if line.time_unix_s is None else line.time_unix_s
+        message = "\n".join([line.message, *reversed(following)])
+        following.clear()
+        yield _Entry(service, begin, time_unix_s, line._replace(message=message))
+
+
+def _lines_backwards(path: Path, end: int) -> Iterator[tuple[int, bytes]]:
+    """Where each line before `end` begins, and the line; whole lines only."""
+    with path.open("rb") as file:
+        rest = b""
+        while end > 0:
+            begin = max(0, end - _BLOCK_BYTES)
+            file.seek(begin)
+            data = file.read(end - begin) + rest
+            cut = data.find(b"\n") + 1 if begin > 0 else 0
+            position = begin + len(data)
+            for line in reversed(data[cut:].split(b"\n")):
+                position -= len(line)
+                if line:
+                    yield position, line[:_MAX_LINE_BYTES]
+                position -= 1
+            rest, end = data[:cut], begin
+
+
+def _wanted(line: log_lines.LogLine, query: LogQuery) -> bool:
+    levels = log_lines.LEVELS
+    if query.level is not None and levels.index(line.level) < levels.index(query.level):
+        return False
+    return query.search.lower() in line.message.lower()
+
+
+def _shown(entry: _Entry) -> LogItem:
+    return LogItem(
+        id=f"{entry.service}:{entry.begin}",
+        time_unix_s=entry.line.time_unix_s,
+        level=entry.line.level,
+        service=entry.line.service or entry.service,
+        message=entry.line.message,
+    )

@@ -1,0 +1,171 @@
+"""What requests and answers hold. Requests are strict: nothing unknown, nothing converted."""
+
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import AfterValidator, BaseModel, Field
+
+from bpn_dashboard.api.configs import Request, RunChanges, SweepGrid, differ
+from bpn_dashboard.database.tables import RunRow, SweepRow
+from bpn_shared.run_folder import State
+
+MAX_IDS = 1000
+
+Name = Annotated[str, Field(max_length=200)]
+Notes = Annotated[str, Field(max_length=20_000)]
+Tags = Annotated[list[Annotated[str, Field(min_length=1, max_length=50)]], Field(max_length=50)]
+RunId = Annotated[str, Field(min_length=36, max_length=36)]
+MetricName = Annotated[str, Field(min_length=1, max_length=200)]
+
+
+class ReturnSummary(BaseModel):
+    """Returns of the iterations done, in pixels."""
+
+    last: float | None
+    best: float | None
+    mean_last_5: float | None
+
+
+class LengthSummary(BaseModel):
+    """Steps of an episode."""
+
+    last: float | None
+
+
+class RunSummary(BaseModel):
+    """Where the learning stands."""
+
+    return_px: ReturnSummary
+    length: LengthSummary
+
+
+class Run(BaseModel):
+    """A run. `state` is what is observed, `desired_state` what was asked for."""
+
+    id: str
+    name: str
+    state: State
+    desired_state: Literal["running", "stopped"]
+    task: str
+    algorithm: str
+    seed: int
+    config: dict[str, Any]
+    config_hash: str
+    attempt: int
+    iteration: Annotated[int, Field(description="iterations done")]
+    iterations: int
+    weights_version: int | None
+    summary: RunSummary
+    error: str
+    notes: str
+    tags: list[str]
+    sweep_id: str | None
+    archived_at_unix_s: float | None
+    created_at_unix_s: float
+    updated_at_unix_s: float
+    rev: Annotated[int, Field(description="grows when people change the run; the ETag")]
+
+    @classmethod
+    def of(cls, row: RunRow) -> Self:
+        """The row as the API shows it."""
+        same = {name: getattr(row, name) for name in cls.model_fields if hasattr(RunRow, name)}
+        return cls.model_construct(
+            **same,
+            summary=RunSummary(
+                return_px=ReturnSummary(
+                    last=row.return_px_last,
+                    best=row.return_px_best,
+                    mean_last_5=row.return_px_mean_last_5,
+                ),
+                length=LengthSummary(last=row.length_last),
+            ),
+            archived_at_unix_s=row.archived_at,
+            created_at_unix_s=row.created_at,
+            updated_at_unix_s=row.updated_at,
+        )
+
+
+class RunPage(BaseModel):
+    """Some of the runs; `next_cursor` continues, `total` counts all that meet the filter."""
+
+    items: list[Run]
+    next_cursor: str | None
+    total: int
+
+
+class RunNew(Request):
+    """A run to start."""
+
+    config: RunChanges
+    name: Name = ""
+    notes: Notes = ""
+    tags: Tags = Field(default=[])
+
+
+class RunPatch(Request):
+    """What people say about a run; what is left out stays."""
+
+    name: Name | None = None
+    notes: Notes | None = None
+    tags: Tags | None = None
+
+
+class BulkAction(Request):
+    """The same for many runs."""
+
+    action: Literal["stop", "resume", "archive", "unarchive"]
+    ids: Annotated[list[RunId], Field(min_length=1, max_length=MAX_IDS)]
+
+
+class ConfigDifference(BaseModel):
+    """A key that two configurations have different values of."""
+
+    key: str
+    this: Any
+    other: Any
+
+
+class ConfigDiff(BaseModel):
+    """Two configurations compared: how many keys are the same, and which are not."""
+
+    same: int
+    differences: list[ConfigDifference]
+
+
+class SweepNew(Request):
+    """A sweep: every combination of the grid's values, with every seed."""
+
+    name: Name
+    config: RunChanges
+    grid: SweepGrid = Field(default_factory=SweepGrid)
+    seeds: Annotated[
+        list[Annotated[int, Field(ge=0, lt=2**63)]],
+        Field(max_length=MAX_IDS, json_schema_extra={"uniqueItems": True}),
+        AfterValidator(differ),
+    ] = Field(default=[])
+
+
+class Sweep(BaseModel):
+    """A sweep, and how its runs are doing."""
+
+    id: str
+    name: str
+    config: dict[str, Any]
+    grid: dict[str, list[Any]]
+    seeds: list[int]
+    run_ids: list[str]
+    states: Annotated[dict[str, int], Field(description="how many runs are in each state")]
+    created_at_unix_s: float
+
+    @classmethod
+    def of(cls, row: SweepRow, run_ids: list[str], states: dict[str, int]) -> Self:
+        """The row as the API shows it."""
+        return cls(
+            id=row.id,
+            name=row.name,
+            config=row.config,
+            grid=row.grid,
+            seeds=row.seeds,
+            run_ids=run_ids,
+            states=states,
+            created_at_unix_s=row.created_at,
+        )

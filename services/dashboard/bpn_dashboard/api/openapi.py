@@ -1,0 +1,55 @@
+"""The API's description: problems instead of the framework's errors, and which role an operation needs."""
+
+from collections.abc import Iterator
+from typing import Any
+
+from fastapi import FastAPI
+from fastapi.dependencies.models import Dependant
+from fastapi.openapi.utils import get_openapi
+from fastapi.routing import APIRoute
+
+from bpn_dashboard.api.problems import Problem, responses
+
+ROLE = "x-bpn-role"
+"""Extension of operations: the role that they need; none: no session either."""
+
+
+def describe(app: FastAPI) -> None:
+    """Makes the application's document say what really happens. Call it when all routes are there."""
+    document = get_openapi(
+        title=app.title, version=app.version, summary=app.summary, routes=app.routes
+    )
+    components = document.setdefault("components", {})
+    schemas = components.setdefault("schemas", {})
+    for name in ("HTTPValidationError", "ValidationError"):
+        schemas.pop(name, None)
+    problem = Problem.model_json_schema(ref_template="#/components/schemas/{model}")
+    schemas |= problem.pop("$defs") | {"Problem": problem}
+    components["securitySchemes"] = {
+        "bearer": {"type": "http", "scheme": "bearer"},
+        "session": {"type": "apiKey", "in": "cookie", "name": app.state.context.cookie},
+    }
+    for route in app.routes:
+        if isinstance(route, APIRoute) and route.include_in_schema:
+            for method in route.methods or ():
+                _describe_operation(document["paths"][route.path_format][method.lower()], route)
+    app.openapi = lambda: document  # type: ignore[method-assign] # the framework's own way
+
+
+def _describe_operation(operation: dict[str, Any], route: APIRoute) -> None:
+    found = operation["responses"]
+    if "422" in found:
+        found |= {str(status): told for status, told in responses(422).items()}
+    role = next(_roles(route.dependant), None)
+    if role is not None:
+        operation[ROLE] = role
+        operation["security"] = [{"bearer": []}, {"session": []}]
+        found |= {str(status): told for status, told in responses(401, 403, 429).items()}
+
+
+def _roles(dependant: Dependant) -> Iterator[str]:
+    role = getattr(dependant.call, "role", None)
+    if role is not None:
+        yield role
+    for inner in dependant.dependencies:
+        yield from _roles(inner)

@@ -1,0 +1,144 @@
+"""Errors as RFC 9457 problem details. Their `type` is stable; docs/dashboard-api.md lists them.
+
+Nobody outside reads an exception's text: what is not expected is "internal", and the log has the rest
+under the request's id.
+"""
+
+from http import HTTPStatus
+from typing import Annotated, Any, Self
+
+from fastapi import FastAPI, Request
+from fastapi.exceptions import RequestValidationError
+from fastapi.responses import Response
+from pydantic import BaseModel, Field
+from starlette.exceptions import HTTPException
+
+from bpn_dashboard.registry.errors import (
+    FilterError,
+    RunBusyError,
+    RunStateError,
+    StaleError,
+    UnknownRunError,
+    UnknownSweepError,
+)
+from bpn_shared.config import ConfigError
+
+MEDIA_TYPE = "application/problem+json"
+_TYPE = "urn:bpn:problem:"
+_MAX_ERRORS = 50
+
+
+class FieldError(BaseModel):
+    """One value of the request that is wrong."""
+
+    location: Annotated[str, Field(description="where it stands, such as body.config.alpha")]
+    message: str
+
+
+class Problem(BaseModel):
+    """Why a request failed."""
+
+    type: Annotated[str, Field(description="stable name, urn:bpn:problem:NAME")]
+    title: str
+    status: int
+    detail: str
+    request_id: str = ""
+    errors: list[FieldError] = []
+
+    @classmethod
+    def of(cls, status: int, kind: str, detail: str) -> Self:
+        """A problem whose title is the status's phrase."""
+        return cls(type=_TYPE + kind, title=HTTPStatus(status).phrase, status=status, detail=detail)
+
+
+class ApiError(Exception):
+    """Ends a request with a problem."""
+
+    def __init__(
+        self, status: int, kind: str, detail: str, headers: dict[str, str] | None = None
+    ) -> None:
+        super().__init__(detail)
+        self.problem = Problem.of(status, kind, detail)
+        self.headers = headers
+
+
+_EXPECTED: dict[type[Exception], tuple[int, str]] = {
+    UnknownRunError: (404, "unknown-run"),
+    UnknownSweepError: (404, "unknown-sweep"),
+    StaleError: (412, "stale"),
+    RunBusyError: (409, "run-busy"),
+    RunStateError: (409, "run-state"),
+    FilterError: (422, "filter"),
+    ConfigError: (422, "configuration"),
+}
+
+
+def problem_response(
+    problem: Problem, request_id: str, headers: dict[str, str] | None = None
+) -> Response:
+    """The problem as an answer."""
+    body = problem.model_copy(update={"request_id": request_id}).model_dump_json()
+    return Response(body, problem.status, headers, MEDIA_TYPE)
+
+
+def problem_of(error: Exception) -> Problem:
+    """The problem that an exception of the registry or of this API is."""
+    if isinstance(error, ApiError):
+        return error.problem
+    status, kind = _EXPECTED[type(error)]
+    return Problem.of(status, kind, printable(str(error)))
+
+
+EXPECTED_ERRORS: tuple[type[Exception], ...] = (ApiError, *_EXPECTED)
+
+
+def install(app: FastAPI) -> None:
+    """From now on all of the application's errors are problems."""
+
+    def request_id(request: Request) -> str:
+        return str(getattr(request.state, "request_id", ""))
+
+    async def expected(request: Request, error: Exception) -> Response:
+        headers = error.headers if isinstance(error, ApiError) else None
+        return problem_response(problem_of(error), request_id(request), headers)
+
+    async def http(request: Request, error: HTTPException) -> Response:
+        kind = HTTPStatus(error.status_code).phrase.lower().replace(" ", "-")
+        problem = Problem.of(error.status_code, kind, str(error.detail))
+        return problem_response(problem, request_id(request), dict(error.headers or {}))
+
+    async def invalid(request: Request, error: RequestValidationError) -> Response:
+        problem = Problem.of(422, "invalid-request", "the request has wrong values")
+        problem.errors = [
+            FieldError(location=_location(item["loc"]), message=printable(item["msg"]))
+            for item in error.errors()[:_MAX_ERRORS]
+        ]
+        return problem_response(problem, request_id(request))
+
+    async def unexpected(request: Request, _error: Exception) -> Response:
+        detail = "the server failed; its log has the reason under the request's id"
+        return problem_response(Problem.of(500, "internal", detail), request_id(request))
+
+    for kind in EXPECTED_ERRORS:
+        app.add_exception_handler(kind, expected)
+    app.add_exception_handler(HTTPException, http)  # type: ignore[arg-type] # Starlette types handlers too wide
+    app.add_exception_handler(RequestValidationError, invalid)  # type: ignore[arg-type]
+    app.add_exception_handler(Exception, unexpected)
+
+
+def responses(*statuses: int) -> dict[int | str, dict[str, Any]]:
+    """These statuses as problems, for an operation's documentation."""
+    content = {MEDIA_TYPE: {"schema": {"$ref": "#/components/schemas/Problem"}}}
+    return {
+        status: {"description": HTTPStatus(status).phrase, "content": content}
+        for status in statuses
+    }
+
+
+def printable(text: str) -> str:
+    """The text without what JSON cannot carry."""
+    return text.encode("utf-8", "replace").decode()
+
+
+def _location(parts: tuple[int | str, ...]) -> str:
+    return printable(".".join(map(str, parts)))[:200]

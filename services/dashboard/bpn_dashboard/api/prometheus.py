@@ -1,0 +1,53 @@
+"""/metrics for Prometheus: what the dashboard counts, and how many runs are in which state."""
+
+from collections.abc import Iterator
+
+from fastapi import APIRouter, Request, Response
+from prometheus_client import CONTENT_TYPE_LATEST, CollectorRegistry, generate_latest
+from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily
+from prometheus_client.metrics_core import Metric
+from prometheus_client.process_collector import ProcessCollector
+from prometheus_client.registry import Collector
+from sqlalchemy import func, select
+
+from bpn_dashboard.access.guard import is_loopback
+from bpn_dashboard.api.context import Context, Parts, identify
+from bpn_dashboard.api.problems import ApiError, responses
+from bpn_dashboard.database.tables import RunRow
+
+router = APIRouter(tags=["health"])
+
+
+class _Dashboard(Collector):
+    def __init__(self, parts: Context) -> None:
+        self._parts = parts
+
+    def collect(self) -> Iterator[Metric]:
+        events = CounterMetricFamily("bpn_dashboard_events", "What was counted.", labels=["event"])
+        for name, count in self._parts.counters.snapshot().items():
+            events.add_metric([name], count)
+        yield events
+        runs = GaugeMetricFamily("bpn_runs", "Runs by observed state.", labels=["state"])
+        with self._parts.database.reading() as session:
+            counted = select(RunRow.state, func.count()).group_by(RunRow.state)
+            for state, count in session.execute(counted):
+                runs.add_metric([state], count)
+        yield runs
+
+
+@router.get(
+    "/metrics",
+    operation_id="getPrometheusMetrics",
+    response_class=Response,
+    responses=responses(401, 429)
+    | {200: {"content": {"text/plain": {"schema": {"type": "string"}}}}},
+)
+def prometheus_metrics(request: Request, parts: Parts) -> Response:
+    """Metrics of the dashboard itself, as text."""
+    local = request.client is not None and is_loopback(request.client.host)
+    if not (parts.open_metrics and local) and identify(request) is None:
+        raise ApiError(401, "not-logged-in", "send a token as bearer")
+    registry = CollectorRegistry()
+    ProcessCollector(registry=registry)
+    registry.register(_Dashboard(parts))
+    return Response(generate_latest(registry), media_type=CONTENT_TYPE_LATEST)

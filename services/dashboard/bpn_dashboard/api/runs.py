@@ -1,0 +1,225 @@
+"""Runs: list, start, annotate, stop, resume, archive."""
+
+from typing import Annotated, Any
+
+from fastapi import APIRouter, Header, Query, Response
+from pydantic import BaseModel
+
+from bpn_dashboard.access.roles import Identity
+from bpn_dashboard.api.context import Context, Operator, Parts, Viewer
+from bpn_dashboard.api.filters import RunListQuery
+from bpn_dashboard.api.idempotency import IdempotencyKey, once
+from bpn_dashboard.api.models import (
+    BulkAction,
+    ConfigDiff,
+    ConfigDifference,
+    Run,
+    RunNew,
+    RunPage,
+    RunPatch,
+)
+from bpn_dashboard.api.problems import EXPECTED_ERRORS, ApiError, Problem, problem_of, responses
+from bpn_shared.config import PRESETS, RunConfig
+from bpn_shared.tasks import TASKS
+
+router = APIRouter(tags=["runs"])
+
+_ETAG_HEADER = {"ETag": {"schema": {"type": "string"}, "description": "the run's revision"}}
+
+
+class TaskChoice(BaseModel):
+    """A task that runs can have."""
+
+    name: str
+    title: str
+
+
+class ConfigSchema(BaseModel):
+    """What a run's configuration may hold."""
+
+    schema_: dict[str, Any]
+    presets: dict[str, dict[str, Any]]
+    tasks: list[TaskChoice]
+    defaults: dict[str, Any]
+
+    model_config = {"alias_generator": lambda name: name.rstrip("_"), "populate_by_name": True}
+
+
+class BulkResult(BaseModel):
+    """What became of one of them."""
+
+    id: str
+    ok: bool
+    problem: Problem | None = None
+
+
+class BulkResults(BaseModel):
+    """In the order of the request."""
+
+    results: list[BulkResult]
+
+
+@router.get("/config-schema", operation_id="getConfigSchema")
+def config_schema(_who: Viewer) -> ConfigSchema:
+    """The schema of configurations, the paper's values per task, and the defaults."""
+    return ConfigSchema(
+        schema_=RunConfig.model_json_schema(),
+        presets=PRESETS,
+        tasks=[TaskChoice(name=name, title=name.replace("_", " ").capitalize()) for name in TASKS],
+        defaults=RunConfig().model_dump(),
+    )
+
+
+@router.get("/runs", operation_id="listRuns", responses=responses(422))
+def list_runs(
+    _who: Viewer,
+    parts: Parts,
+    query: Annotated[RunListQuery, Query()],
+) -> RunPage:
+    """A page of runs. Runs that are made while somebody pages neither repeat nor hide others."""
+    key, descending = query.sort.lstrip("-"), query.sort.startswith("-")
+    scope = ["runs", query.model_dump(exclude={"cursor", "limit"})]
+    after = None
+    if query.cursor is not None:
+        value, run_id = parts.cursors.decode(query.cursor, scope)
+        after = value, run_id
+    page = parts.runs.page(
+        query.to_filter(), sort=key, descending=descending, after=after, limit=query.limit
+    )
+    following = page.next_after and parts.cursors.encode(page.next_after, scope)
+    return RunPage.model_construct(
+        items=[Run.of(row) for row in page.rows], next_cursor=following, total=page.total
+    )
+
+
+@router.post(
+    "/runs",
+    operation_id="createRun",
+    status_code=201,
+    responses=responses(409, 422) | {201: {"headers": _ETAG_HEADER}},
+)
+def create_run(
+    who: Operator, parts: Parts, response: Response, body: RunNew, key: IdempotencyKey = None
+) -> Run:
+    """Puts a new run into the queue for workers."""
+    changes = body.config.model_dump(exclude_unset=True)
+    config = RunConfig.for_task(changes.pop("task"), **changes)
+
+    def create() -> str:
+        row = parts.runs.create(
+            config, name=body.name, notes=body.notes, tags=body.tags, actor=who.name
+        )
+        return row.id
+
+    run_id = once(parts.database, who, "createRun", key, body, make=create)
+    response.headers["Location"] = f"/api/v1/runs/{run_id}"
+    return _answer(parts, response, run_id)
+
+
+@router.get(
+    "/runs/{run_id}",
+    operation_id="getRun",
+    responses=responses(404) | {200: {"headers": _ETAG_HEADER}},
+)
+def get_run(_who: Viewer, parts: Parts, response: Response, run_id: str) -> Run:
+    """One run."""
+    return _answer(parts, response, run_id)
+
+
+@router.patch(
+    "/runs/{run_id}",
+    operation_id="updateRun",
+    responses=responses(404, 412, 422, 428) | {200: {"headers": _ETAG_HEADER}},
+)
+def update_run(
+    who: Operator,
+    parts: Parts,
+    response: Response,
+    run_id: str,
+    body: RunPatch,
+    *,
+    if_match: Annotated[str | None, Header(max_length=100, description="the run's ETag")] = None,
+) -> Run:
+    """Changes name, notes or tags, if nobody else has changed the run since."""
+    row = parts.runs.get(run_id)
+    if if_match is None:
+        raise ApiError(428, "if-match", "send the ETag that you last saw as If-Match")
+    if if_match not in ("*", _etag(row.rev)):
+        raise ApiError(412, "stale", f"run {run_id} has changed: its ETag is {_etag(row.rev)}")
+    parts.runs.update(
+        run_id, row.rev, name=body.name, notes=body.notes, tags=body.tags, actor=who.name
+    )
+    return _answer(parts, response, run_id)
+
+
+@router.post("/runs/{run_id}/stop", operation_id="stopRun", responses=responses(404))
+def stop_run(who: Operator, parts: Parts, response: Response, run_id: str) -> Run:
+    """Asks the run's workers to stop; again changes nothing. Robots do not depend on this."""
+    parts.runs.request_stop(run_id, who.name)
+    return _answer(parts, response, run_id)
+
+
+@router.post("/runs/{run_id}/resume", operation_id="resumeRun", responses=responses(404, 409))
+def resume_run(who: Operator, parts: Parts, response: Response, run_id: str) -> Run:
+    """Lets workers go on with the run from where it stands."""
+    parts.runs.request_resume(run_id, who.name)
+    return _answer(parts, response, run_id)
+
+
+@router.post("/runs/{run_id}/archive", operation_id="archiveRun", responses=responses(404, 409))
+def archive_run(who: Operator, parts: Parts, response: Response, run_id: str) -> Run:
+    """Takes the run out of sight; nothing is deleted."""
+    parts.runs.archive(run_id, who.name)
+    return _answer(parts, response, run_id)
+
+
+@router.post("/runs/{run_id}/unarchive", operation_id="unarchiveRun", responses=responses(404))
+def unarchive_run(who: Operator, parts: Parts, response: Response, run_id: str) -> Run:
+    """Brings an archived run back."""
+    parts.runs.unarchive(run_id, who.name)
+    return _answer(parts, response, run_id)
+
+
+@router.post("/runs/bulk", operation_id="bulkRuns", responses=responses(422))
+def bulk(who: Operator, parts: Parts, body: BulkAction) -> BulkResults:
+    """The same for many runs; each succeeds or fails by itself."""
+    return BulkResults(results=[_one_of_many(parts, who, body.action, i) for i in body.ids])
+
+
+@router.get(
+    "/runs/{run_id}/config-diff", operation_id="getConfigDiff", responses=responses(404, 422)
+)
+def config_diff(_who: Viewer, parts: Parts, run_id: str, other: str) -> ConfigDiff:
+    """In what a run's configuration differs from another's."""
+    this_config, other_config = parts.runs.get(run_id).config, parts.runs.get(other).config
+    keys = sorted(this_config.keys() | other_config.keys())
+    differences = [
+        ConfigDifference(key=key, this=this_config.get(key), other=other_config.get(key))
+        for key in keys
+        if this_config.get(key) != other_config.get(key)
+    ]
+    return ConfigDiff(same=len(keys) - len(differences), differences=differences)
+
+
+def _one_of_many(parts: Context, who: Identity, action: str, run_id: str) -> BulkResult:
+    act = {
+        "stop": parts.runs.request_stop,
+        "resume": parts.runs.request_resume,
+        "archive": parts.runs.archive,
+        "unarchive": parts.runs.unarchive,
+    }[action]
+    try:
+        act(run_id, who.name)
+    except EXPECTED_ERRORS as error:
+        return BulkResult(id=run_id, ok=False, problem=problem_of(error))
+    return BulkResult(id=run_id, ok=True)
+
+
+def _answer(parts: Context, response: Response, run_id: str) -> Run:
+    row = parts.runs.get(run_id)
+    response.headers["ETag"] = _etag(row.rev)
+    return Run.of(row)
+
+
+def _etag(rev: int) -> str:
+    return f'"{rev}"'

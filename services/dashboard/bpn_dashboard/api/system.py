@@ -1,0 +1,96 @@
+"""The system as a whole: who is there, what was done, health."""
+
+from typing import Annotated, Any
+
+from fastapi import APIRouter, Query
+from pydantic import BaseModel, Field
+from sqlalchemy import select
+
+from bpn_dashboard.api.context import Admin, Parts, Viewer
+from bpn_dashboard.api.problems import ApiError, responses
+from bpn_dashboard.database.tables import AuditRow
+
+router = APIRouter(tags=["system"])
+health_router = APIRouter(tags=["health"])
+
+
+class AuditItem(BaseModel):
+    """Something that somebody asked for."""
+
+    id: int
+    at_unix_s: float
+    actor: str
+    action: str
+    subject: str
+    detail: dict[str, Any]
+
+
+class AuditPage(BaseModel):
+    """Newest first."""
+
+    items: list[AuditItem]
+    next_cursor: str | None
+
+
+class AuditQuery(BaseModel):
+    """Which page, and of what run or sweep."""
+
+    model_config = {"extra": "forbid"}
+
+    subject: Annotated[str | None, Field(max_length=100)] = None
+    cursor: Annotated[str | None, Field(max_length=1000)] = None
+    limit: Annotated[int, Field(ge=1, le=200)] = 50
+
+
+class Health(BaseModel):
+    """The server answers."""
+
+    status: str = "ok"
+
+
+@router.get("/system/topology", operation_id="getTopology")
+def get_topology(_who: Viewer, parts: Parts) -> dict[str, Any]:
+    """Who is alive, what each waits for, and what flows between them."""
+    return parts.topology()
+
+
+@router.get("/audit", operation_id="listAudit", responses=responses(422))
+def list_audit(_who: Admin, parts: Parts, query: Annotated[AuditQuery, Query()]) -> AuditPage:
+    """Who did what, newest first."""
+    scope = ["audit", query.subject]
+    wanted = select(AuditRow).order_by(AuditRow.id.desc()).limit(query.limit + 1)
+    if query.subject is not None:
+        wanted = wanted.where(AuditRow.subject == query.subject)
+    if query.cursor is not None:
+        wanted = wanted.where(AuditRow.id < parts.cursors.decode(query.cursor, scope))
+    with parts.database.reading() as session:
+        rows = list(session.scalars(wanted))
+    more, rows = len(rows) > query.limit, rows[: query.limit]
+    items = [
+        AuditItem(
+            id=row.id,
+            at_unix_s=row.at,
+            actor=row.actor,
+            action=row.action,
+            subject=row.subject,
+            detail=row.detail,
+        )
+        for row in rows
+    ]
+    following = parts.cursors.encode(rows[-1].id, scope) if more else None
+    return AuditPage(items=items, next_cursor=following)
+
+
+@health_router.get("/healthz", operation_id="getHealth")
+def healthz() -> Health:
+    """The process answers."""
+    return Health()
+
+
+@health_router.get("/readyz", operation_id="getReadiness", responses=responses(503))
+def readyz(parts: Parts) -> Health:
+    """The database answers and metrics are taken in."""
+    parts.series.revision()
+    if not parts.ingest.alive:
+        raise ApiError(503, "not-ready", "metrics are not taken in")
+    return Health()

@@ -1,0 +1,142 @@
+"""From the run folders' metrics.jsonl into the series store, as the lines are written.
+
+How far a file was read is stored with what was read, in one transaction: whenever this process dies, the next one
+goes on at the same byte. A folder is the truth, so a file that was replaced or cut is read from the start.
+"""
+
+import logging
+import math
+import os
+import threading
+import time
+from pathlib import Path
+from typing import BinaryIO
+
+from sqlalchemy import select
+
+from bpn_dashboard.database.engine import Database
+from bpn_dashboard.database.series_tables import SourceRow
+from bpn_dashboard.series import store
+from bpn_dashboard.series.lines import parse_lines
+from bpn_shared.service import Counters
+
+log = logging.getLogger(__name__)
+
+POLL_S = 0.25
+SCAN_S = 2.0
+_SCAN_SHARE = 0.02
+"""Of the time that looking at all files may take, however many there are."""
+_ACTIVE_S = 600.0
+_AGAIN_S = 5.0
+_READ_BYTES = 4 * 1024 * 1024
+_FILE = "metrics.jsonl"
+
+
+class Ingest:
+    """Follows the metrics of every run of a folder, once started in a thread of its own.
+
+    Files that grew in the last ten minutes are looked at every 0.25 s, the others every 2 s.
+    """
+
+    def __init__(self, runs_dir: Path, database: Database, counters: Counters) -> None:
+        self._runs_dir = runs_dir
+        self._database = database
+        self._counters = counters
+        self._active: dict[str, float] = {}
+        self._scan_at_s = -math.inf
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._follow, name="ingest", daemon=True)
+        with database.reading() as session:
+            rows = session.scalars(select(SourceRow))
+            self._read = {row.run_id: (row.inode, row.offset_bytes) for row in rows}
+
+    def start(self) -> None:
+        self._thread.start()
+
+    def close(self) -> None:
+        """Ends the thread after the transaction that it is in."""
+        self._stop.set()
+        if self._thread.is_alive():
+            self._thread.join(10.0)
+
+    @property
+    def alive(self) -> bool:
+        """Whether it follows."""
+        return self._thread.is_alive()
+
+    def poll(self) -> int:
+        """Takes in what was written since the last call; returns the number of points."""
+        return sum(self._take_in(run_id) for run_id in self._due())
+
+    def _follow(self) -> None:
+        while not self._stop.is_set():
+            try:
+                self.poll()
+            except Exception:
+                # A full disk or a locked database passes; a thread that ended would not come back.
+                log.exception("cannot take in metrics; trying again in %.0f s", _AGAIN_S)
+                self._stop.wait(_AGAIN_S)
+            self._stop.wait(POLL_S)
+
+    def _due(self) -> list[str]:
+        now_s = time.monotonic()
+        self._active = {run: at_s for run, at_s in self._active.items() if now_s - at_s < _ACTIVE_S}
+        if now_s < self._scan_at_s:
+            return list(self._active)
+        found = []
+        for name in sorted(os.listdir(self._runs_dir)) if self._runs_dir.exists() else ():
+            try:
+                status = os.stat(f"{self._runs_dir}/{name}/{_FILE}")
+            except OSError:
+                continue
+            if self._read.get(name) != (_inode(status), status.st_size):
+                found.append(name)
+        end_s = time.monotonic()
+        self._scan_at_s = end_s + max(SCAN_S, (end_s - now_s) / _SCAN_SHARE)
+        return found
+
+    def _take_in(self, run_id: str) -> int:
+        points = 0
+        try:
+            file = (self._runs_dir / run_id / _FILE).open("rb")
+        except OSError:  # the folder was moved away
+            return 0
+        with file:
+            status = os.fstat(file.fileno())
+            inode = _inode(status)
+            known, offset = self._read.get(run_id, (None, 0))
+            replaced = known != inode or status.st_size < offset
+            offset = 0 if replaced else offset
+            file.seek(offset)
+            while not self._stop.is_set() and (data := _whole_lines(file)):
+                columns, errors = parse_lines(data)
+                for error in errors:
+                    self._counters.refuse("metrics_lines_refused", f"{run_id}/{_FILE}: {error}")
+                offset += len(data)
+                with self._database.writing() as session:
+                    if replaced:
+                        store.forget(session, run_id)
+                    if columns:
+                        store.append(session, run_id, columns)
+                    session.merge(SourceRow(run_id=run_id, inode=inode, offset_bytes=offset))
+                replaced = False
+                self._read[run_id] = inode, offset
+                self._active[run_id] = time.monotonic()
+                points += sum(len(column.steps) for column in columns.values())
+        self._counters.add("points_ingested", points)
+        return points
+
+
+def _inode(status: os.stat_result) -> int:
+    return status.st_ino & (2**63 - 1)  # databases have no unsigned integers
+
+
+def _whole_lines(file: BinaryIO) -> bytes:
+    """The next lines that are written to their end; of a line that never ends, a piece."""
+    begin = file.tell()
+    data = file.read(_READ_BYTES)
+    end = data.rfind(b"\n") + 1
+    if not end and len(data) == _READ_BYTES:
+        return data
+    file.seek(begin + end)
+    return data[:end]

@@ -1,0 +1,227 @@
+"""Curves of groups of runs, from all of their points, in at most so many buckets."""
+
+import threading
+from collections import OrderedDict
+from collections.abc import Hashable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from sqlalchemy.orm import Session
+
+from bpn_dashboard.database.engine import Database
+from bpn_dashboard.database.series_tables import MetricRow
+from bpn_dashboard.series import store
+from bpn_dashboard.series.downsample import NO_BUCKETS, Buckets, Floats, bucket_width, bucketize
+from bpn_dashboard.series.lines import MAX_ITERATION
+from bpn_dashboard.series.points import NO_POINTS, Points
+from bpn_dashboard.series.statistics import Band, Curve, Statistic, summarize
+
+Axis = Literal["iteration", "wall_s", "transitions"]
+
+_AXIS_METRIC: Mapping[str, str] = {"wall_s": "time_unix_s", "transitions": "transitions"}
+"""The metric that says, at the same iteration, where a point stands on the axis."""
+_REMEMBERED = 512
+"""Series, of at most 4000 buckets of 64 bytes each."""
+
+
+@dataclass(frozen=True)
+class View:
+    """What is wanted of every series.
+
+    Attributes:
+        axis: of x: iterations; seconds since the run's first record; transitions seen so far.
+        range: of x, both ends included; None: everything.
+        max_points: of a curve.
+    """
+
+    axis: Axis = "iteration"
+    range: tuple[float, float] | None = None
+    max_points: int = 1000
+    statistic: Statistic = "mean"
+    band: Band = "std"
+
+
+@dataclass(frozen=True, eq=False)
+class Series:
+    """One metric of one group.
+
+    Attributes:
+        run_ids: the group's runs that have the metric.
+        n_points: points that the curve was made of.
+        bucket: width of its buckets on the axis; 0: every point stands for itself.
+    """
+
+    metric: str
+    run_ids: Sequence[str]
+    n_points: int
+    bucket: float
+    curve: Curve
+
+
+@dataclass(frozen=True)
+class Ends:
+    """The largest and the newest value of a series."""
+
+    best: float
+    last: float
+
+
+class SeriesQueries:
+    """Answers queries, from any thread; remembers the newest answers for as long as they are true."""
+
+    def __init__(self, database: Database) -> None:
+        self._database = database
+        self._lock = threading.Lock()
+        self._known: OrderedDict[Hashable, Series] = OrderedDict()
+
+    def query(
+        self, groups: Sequence[Sequence[str]], metrics: Sequence[str], view: View
+    ) -> list[Series]:
+        """For every group of runs and every metric the curve, in this order."""
+        with self._database.reading() as session:
+            return [
+                self._one(session, run_ids, metric, view)
+                for run_ids in groups
+                for metric in metrics
+            ]
+
+    def names(self, run_id: str) -> list[tuple[str, int]]:
+        """The metrics of a run, with how many points each has."""
+        with self._database.reading() as session:
+            return [(row.name, row.n) for row in store.metrics_of(session, [run_id])]
+
+    def points(self, run_id: str, metrics: Sequence[str]) -> dict[str, Points]:
+        """All points of those of the metrics that the run has."""
+        with self._database.reading() as session:
+            rows = store.metrics_of(session, [run_id], metrics)
+            found = store.read_points(session, [row.id for row in rows], 0, MAX_ITERATION)
+        return {row.name: found[row.id] for row in rows if row.id in found}
+
+    def ends(self, run_ids: Sequence[str], metric: str) -> dict[str, Ends]:
+        """For each run that has the metric, where it ended up."""
+        with self._database.reading() as session:
+            rows = store.metrics_of(session, run_ids, [metric])
+            found = store.read_rollups(session, [row.id for row in rows], 0, MAX_ITERATION)
+        return {
+            row.run_id: Ends(best=float(part.max.max()), last=float(part.last[-1]))
+            for row in rows
+            if len((part := found.get(row.id, NO_BUCKETS)).x)
+        }
+
+    def revision(self) -> int:
+        """Grows with every point of any run."""
+        with self._database.reading() as session:
+            return store.newest_revision(session)
+
+    def _one(self, session: Session, run_ids: Sequence[str], metric: str, view: View) -> Series:
+        rows = store.metrics_of(session, sorted(set(run_ids)), [metric])
+        axes = (
+            store.metrics_of(session, [row.run_id for row in rows], [_AXIS_METRIC[view.axis]])
+            if view.axis != "iteration"
+            else []
+        )
+        key = metric, view, tuple((row.id, row.revision) for row in (*rows, *axes))
+        with self._lock:
+            if (known := self._known.get(key)) is not None:
+                self._known.move_to_end(key)
+                return known
+        series = _series(session, rows, axes, metric, view)
+        with self._lock:
+            self._known[key] = series
+            while len(self._known) > _REMEMBERED:
+                self._known.popitem(last=False)
+        return series
+
+
+def _series(
+    session: Session, rows: Sequence[MetricRow], axes: Sequence[MetricRow], metric: str, view: View
+) -> Series:
+    if view.axis == "iteration":
+        parts, width = _by_iteration(session, rows, view)
+    else:
+        parts, width = _by_other_axis(session, rows, axes, view)
+    return Series(
+        metric=metric,
+        run_ids=[row.run_id for row, part in zip(rows, parts, strict=True) if len(part.x)],
+        n_points=int(sum(part.n.sum() for part in parts)),
+        bucket=width,
+        curve=summarize(parts, view.statistic, view.band),
+    )
+
+
+def _by_iteration(
+    session: Session, rows: Sequence[MetricRow], view: View
+) -> tuple[list[Buckets], float]:
+    if not rows:
+        return [], 0.0
+    low, high = float(min(row.first for row in rows)), float(max(row.last for row in rows))
+    low, high = _within(low, high, view)
+    if low > high:
+        return [NO_BUCKETS] * len(rows), 0.0
+    ids = [row.id for row in rows]
+    begin, end, width = _aligned(low, high, view.max_points)
+    if width >= store.ROLLUP:
+        rollups = store.read_rollups(session, ids, begin, end)
+        if max((part.n.sum() for part in rollups.values()), default=0) > view.max_points:
+            return [rollups.get(key, NO_BUCKETS).merge(width) for key in ids], width
+    found = store.read_points(session, ids, begin, end)
+    parts = [found.get(key, NO_POINTS) for key in ids]
+    return _reduce([(part.steps.astype("f8"), part.values) for part in parts], low, high, view)
+
+
+def _by_other_axis(
+    session: Session, rows: Sequence[MetricRow], axes: Sequence[MetricRow], view: View
+) -> tuple[list[Buckets], float]:
+    ids = [row.id for row in (*rows, *axes)]
+    found = store.read_points(session, ids, 0, MAX_ITERATION)
+    axis_of = {row.run_id: found.get(row.id, NO_POINTS) for row in axes}
+    parts = [
+        _placed(found.get(row.id, NO_POINTS), axis_of.get(row.run_id, NO_POINTS), view.axis)
+        for row in rows
+    ]
+    x = np.concatenate([x for x, _ in parts]) if parts else np.empty(0)
+    if not len(x):
+        return [NO_BUCKETS] * len(rows), 0.0
+    low, high = _within(float(x.min()), float(x.max()), view)
+    return _reduce(parts, low, high, view)
+
+
+def _placed(points: Points, axis: Points, kind: Axis) -> tuple[Floats, Floats]:
+    """X and values of the points for whose iteration the axis is known."""
+    if not len(axis.steps):
+        return np.empty(0), np.empty(0)
+    # A clock that was set back must not fold the curve.
+    since_start = np.maximum.accumulate(axis.values) - axis.values[0]
+    x = np.cumsum(axis.values) if kind == "transitions" else since_start
+    at = np.minimum(np.searchsorted(axis.steps, points.steps), len(axis.steps) - 1)
+    known = axis.steps[at] == points.steps
+    return x[at[known]], points.values[known]
+
+
+def _within(low: float, high: float, view: View) -> tuple[float, float]:
+    if view.range is None:
+        return low, high
+    return max(low, view.range[0]), min(high, view.range[1])
+
+
+def _aligned(low: float, high: float, max_points: int) -> tuple[float, float, float]:
+    """Begin of the first and end of the last bucket that touch [low, high], and the buckets' width."""
+    width = bucket_width(low, high, max_points)
+    return low // width * width, float(np.nextafter((high // width + 1) * width, -np.inf)), width
+
+
+def _reduce(
+    parts: Sequence[tuple[Floats, Floats]], low: float, high: float, view: View
+) -> tuple[list[Buckets], float]:
+    """The points in [low, high] as they are if they stand at few enough x, otherwise whole buckets."""
+    shown = [_cut(x, values, low, high) for x, values in parts]
+    if len(np.unique(np.concatenate([x for x, _ in shown]))) <= view.max_points:
+        return [bucketize(x, values) for x, values in shown], 0.0
+    begin, end, width = _aligned(low, high, view.max_points)
+    return [bucketize(*_cut(x, values, begin, end), width) for x, values in parts], width
+
+
+def _cut(x: Floats, values: Floats, low: float, high: float) -> tuple[Floats, Floats]:
+    begin, end = np.searchsorted(x, low), np.searchsorted(x, high, side="right")
+    return x[begin:end], values[begin:end]

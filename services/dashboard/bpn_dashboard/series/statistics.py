@@ -1,0 +1,134 @@
+"""Statistics over the seeds of a group, from all points of all of them.
+
+Seeds are aligned on the union of their x: between its first and its last point a seed that has no value
+at an x keeps its newest; outside it is not counted, and the result says how many were (`n`).
+
+Mean, median and interquartile mean (IQM; Agarwal et al. 2021, section 4) are all weighted sums of the sorted
+values, and so is each of them in a bootstrap resample. So one matrix product does any of them for all x,
+and no result depends on the order of the seeds.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
+from typing import Literal
+
+import numpy as np
+
+from bpn_dashboard.series.downsample import Buckets, Floats
+
+Statistic = Literal["mean", "median", "iqm"]
+Band = Literal["std", "sem", "ci95", "minmax"]
+
+_RESAMPLES = 500
+
+
+@dataclass(frozen=True, eq=False)
+class Curve:
+    """One group's curve; all float64[k]. NaN where there is nothing to tell.
+
+    Attributes:
+        x: where the values stand.
+        n: seeds that count there.
+        value: the statistic over the seeds' means.
+        low: the band's lower edge.
+        high: the band's upper edge.
+        min: the smallest point of any seed.
+        max: the largest point of any seed.
+        last: the statistic over the seeds' newest values.
+    """
+
+    x: Floats
+    n: Floats
+    value: Floats
+    low: Floats
+    high: Floats
+    min: Floats
+    max: Floats
+    last: Floats
+
+
+def summarize(seeds: Sequence[Buckets], statistic: Statistic, band: Band) -> Curve:
+    """The curve of a group of seeds.
+
+    The standard deviation is the sample's (n - 1), so one seed alone has no band; `sem` is it over the root of n;
+    `ci95` is the percentile bootstrap of the statistic; `minmax` spans all points of all seeds.
+    """
+    seeds = [seed for seed in seeds if len(seed.x)]
+    x = np.unique(np.concatenate([seed.x for seed in seeds])) if seeds else np.empty(0)
+    means = np.full((len(seeds), len(x)), np.nan)
+    lasts, lows, highs = means.copy(), means.copy(), means.copy()
+    for row, seed in enumerate(seeds):
+        own = np.searchsorted(x, seed.x)
+        alive = slice(own[0], own[-1] + 1)
+        newest = np.searchsorted(seed.x, x[alive], side="right") - 1
+        lasts[row, alive] = seed.last[newest]
+        means[row, alive] = seed.last[newest]
+        means[row, own] = seed.mean
+        lows[row, own], highs[row, own] = seed.min, seed.max
+    low, high = _extremes(lows, highs)
+    value, edges, n = _over_seeds(means, statistic, band)
+    last, _, _ = _over_seeds(lasts, statistic, None)
+    if band == "minmax":
+        edges = np.stack([low, high])
+    return Curve(x, n, value, edges[0], edges[1], low, high, last)
+
+
+def scalar(values: Sequence[float]) -> tuple[float, float]:
+    """Mean and sample standard deviation (NaN of one) of some runs' final values."""
+    array = np.asarray(values, dtype=np.float64)
+    return float(array.mean()), float(array.std(ddof=1)) if len(array) > 1 else float("nan")
+
+
+def _extremes(lows: Floats, highs: Floats) -> tuple[Floats, Floats]:
+    if not len(lows):
+        return np.empty(0), np.empty(0)
+    return np.fmin.reduce(lows), np.fmax.reduce(highs)
+
+
+def _over_seeds(
+    values: Floats, statistic: Statistic, band: Band | None
+) -> tuple[Floats, Floats, Floats]:
+    """Value float64[k], edges of the band float64[2, k] and n float64[k] of values float64[seeds, k]."""
+    ordered = np.sort(values, axis=0)  # what is missing (NaN) comes last
+    counts = (~np.isnan(ordered)).sum(axis=0)
+    value = np.full(len(counts), np.nan)
+    edges = np.full((2, len(counts)), np.nan)
+    for n in np.unique(counts[counts > 0]).tolist():
+        columns = counts == n
+        block = ordered[:n, columns]
+        value[columns] = _weights(n, statistic) @ block
+        if band in ("std", "sem") and n > 1:
+            spread = block.std(axis=0, ddof=1) / (np.sqrt(n) if band == "sem" else 1.0)
+            edges[:, columns] = value[columns] - spread, value[columns] + spread
+        elif band == "ci95" and n > 1:
+            resampled = _resampled_weights(n, statistic) @ block
+            edges[:, columns] = np.percentile(resampled, (2.5, 97.5), axis=0)
+    return value, edges, counts.astype(np.float64)
+
+
+@cache
+def _weights(n: int, statistic: Statistic) -> Floats:
+    """float64[n]: what each of n sorted values counts."""
+    weights = np.zeros(n)
+    if statistic == "median":
+        weights[[(n - 1) // 2, n // 2]] = 1.0
+    else:
+        cut = n // 4 if statistic == "iqm" else 0
+        weights[cut : n - cut] = 1.0
+    weights /= weights.sum()
+    return weights
+
+
+@cache
+def _resampled_weights(n: int, statistic: Statistic) -> Floats:
+    """float64[resamples, n]: what each of n sorted values counts in resamples drawn with replacement.
+
+    A sorted resample of sorted values is those at its sorted indices, so its statistic weighs these.
+    """
+    drawn = np.random.Generator(np.random.Philox(key=n)).integers(0, n, (_RESAMPLES, n))
+    drawn.sort(axis=1)
+    weights = np.zeros((_RESAMPLES, n))
+    rows = np.arange(_RESAMPLES)[:, None]
+    np.add.at(weights, (rows, drawn), _weights(n, statistic)[None, :])
+    return weights

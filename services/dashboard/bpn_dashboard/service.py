@@ -1,0 +1,239 @@
+"""`bpn-dashboard`: runs, their registry, the live view and the web UI, in one process."""
+
+import argparse
+import asyncio
+import json
+import logging
+import os
+import secrets
+import socket
+import sys
+import threading
+from collections.abc import AsyncIterator, Iterator
+from contextlib import ExitStack, asynccontextmanager, contextmanager, suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import uvicorn
+from fastapi import FastAPI
+from starlette.requests import HTTPConnection
+
+from bpn_dashboard.access.guard import is_loopback
+from bpn_dashboard.access.tokens import LINK_S
+from bpn_dashboard.api.app import Application, create_app
+from bpn_dashboard.api.context import Context, identify
+from bpn_dashboard.api.problems import ApiError
+from bpn_dashboard.database.engine import Database, DatabaseError, sqlite_url
+from bpn_dashboard.hub.hub import Hub
+from bpn_dashboard.hub.websocket import UVICORN_OPTIONS, live_route
+from bpn_dashboard.registry.store import RunStore
+from bpn_dashboard.series.ingest import Ingest
+from bpn_shared.bus.session import DEFAULT_ENDPOINT, Bus, BusError
+from bpn_shared.config import ConfigError
+from bpn_shared.run_folder import write_atomically
+from bpn_shared.service import Counters, end_with_supervisor, set_up_logging
+
+log = logging.getLogger(__name__)
+
+DEFAULT_PORT = 8000
+ADDRESS_FILE = ".dashboard.json"
+"""In the runs folder: where the dashboard is, and a token for this user's commands."""
+_SHUTDOWN_S = 2
+_TOKEN_S = 365 * 86_400.0
+
+
+def argument_parser() -> argparse.ArgumentParser:
+    """The options."""
+    parser = argparse.ArgumentParser(prog="bpn-dashboard", description=__doc__)
+    parser.add_argument(
+        "--runs-dir", type=Path, default=Path("runs"), help="where run folders are (default runs)"
+    )
+    parser.add_argument(
+        "--database", metavar="URL", help="SQLAlchemy URL (default: SQLite in the runs folder)"
+    )
+    parser.add_argument("--host", default="127.0.0.1", help="address to listen at (%(default)s)")
+    parser.add_argument(
+        "--port", type=int, default=DEFAULT_PORT, help="0: any free one (%(default)s)"
+    )
+    parser.add_argument(
+        "--connect", default=DEFAULT_ENDPOINT, help="the router's endpoint (default %(default)s)"
+    )
+    parser.add_argument(
+        "--allow-host", action="append", default=[], metavar="NAME",
+        help="another name by which browsers reach it; may be repeated",
+    )  # fmt: skip
+    parser.add_argument("--certificate", type=Path, help="TLS certificate, PEM")
+    parser.add_argument("--key", type=Path, help="its private key, PEM")
+    parser.add_argument(
+        "--insecure-http", action="store_true", help="beyond loopback without TLS, at your own risk"
+    )
+    parser.add_argument(
+        "--open-metrics", action="store_true", help="/metrics needs no token from loopback"
+    )
+    return parser
+
+
+def check_options(options: argparse.Namespace) -> None:
+    """Refuses what would let others listen in.
+
+    Raises:
+        ConfigError: the combination is wrong; the message says what to do.
+    """
+    if (options.certificate is None) != (options.key is None):
+        raise ConfigError("--certificate and --key belong together")
+    for path in (options.certificate, options.key):
+        if path is not None and not path.is_file():
+            raise ConfigError(f"{path}: there is no such file")
+    secure = options.certificate is not None or options.insecure_http
+    if not is_loopback(options.host) and not secure:
+        raise ConfigError(
+            f"--host {options.host}: others could read sessions off the network. Give --certificate and "
+            "--key, or --insecure-http if you mean it"
+        )
+
+
+@dataclass
+class Live:
+    """The parts that need the message bus, which may not be reachable yet."""
+
+    hub: Hub | None = None
+
+    def topology(self) -> dict[str, Any]:
+        """Who is alive; nobody is known without the bus."""
+        if self.hub is None:
+            return {"nodes": [], "links": []}
+        return self.hub.topology.snapshot().model_dump()
+
+
+def build(options: argparse.Namespace, database: Database) -> tuple[Application, Context]:
+    """The application with all its parts; its lifespan starts and ends them."""
+    counters, live = Counters(), Live()
+    runs = RunStore(database, options.runs_dir)
+    context = Context(
+        database=database,
+        runs=runs,
+        ingest=Ingest(options.runs_dir, database, counters),
+        counters=counters,
+        topology=live.topology,
+        secure=options.certificate is not None,
+        open_metrics=options.open_metrics,
+    )
+
+    @asynccontextmanager
+    async def lifespan(_app: FastAPI) -> AsyncIterator[None]:
+        stop = threading.Event()
+        context.ingest.start()
+        joining = asyncio.create_task(_join_bus(options, context, live, stop))
+        try:
+            yield
+        finally:
+            stop.set()
+            await joining
+            await asyncio.to_thread(context.ingest.close)
+
+    def may_watch(connection: HTTPConnection) -> bool:
+        try:
+            return identify(connection) is not None
+        except ApiError:  # too many wrong tokens
+            return False
+
+    routes = [live_route(lambda: live.hub, may_watch)]
+    hosts = [options.host, *options.allow_host]
+    return create_app(context, hosts=hosts, lifespan=lifespan, routers=routes), context
+
+
+async def _join_bus(
+    options: argparse.Namespace, context: Context, live: Live, stop: threading.Event
+) -> None:
+    """Waits for the router however long it takes, runs what needs it, and ends that when `stop` is set."""
+    try:
+        bus = await asyncio.to_thread(Bus, options.connect, deadline_s=float("inf"), stop=stop)
+    except BusError as error:
+        log.info("%s", error)
+        return
+    live.hub = Hub(bus, options.runs_dir, context.counters, secrets.token_hex(8))
+    await asyncio.to_thread(stop.wait)
+    live.hub.close()
+    await asyncio.to_thread(bus.close)
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Serves until it is told to stop. Exit status: 0 stopped, 1 failed, 2 wrong options."""
+    options = argument_parser().parse_args(argv)
+    set_up_logging("dashboard")
+    logging.getLogger("alembic").setLevel(logging.WARNING)
+    end_with_supervisor()
+    try:
+        check_options(options)
+        listener = _listen(options.host, options.port)
+        options.runs_dir.mkdir(parents=True, exist_ok=True)
+        database = Database(options.database or sqlite_url(options.runs_dir / ".dashboard.sqlite"))
+    except (ConfigError, DatabaseError) as error:
+        log.error("%s", error)
+        return 2
+    with ExitStack() as stack:
+        stack.callback(database.close)
+        stack.callback(listener.close)
+        app, context = build(options, database)
+        stack.enter_context(_announced(options, listener, context))
+        config = uvicorn.Config(
+            app,
+            log_config=None,
+            access_log=False,
+            server_header=False,
+            proxy_headers=False,
+            lifespan="on",
+            timeout_graceful_shutdown=_SHUTDOWN_S,
+            ssl_certfile=options.certificate,
+            ssl_keyfile=options.key,
+            **UVICORN_OPTIONS,
+        )
+        with suppress(KeyboardInterrupt):
+            uvicorn.Server(config).run(sockets=[listener])
+    return 0
+
+
+def _listen(host: str, port: int) -> socket.socket:
+    family = socket.AF_INET6 if ":" in host else socket.AF_INET
+    listener = socket.socket(family)
+    listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    try:
+        listener.bind((host, port))
+    except OSError as error:
+        listener.close()
+        raise ConfigError(f"--host {host} --port {port}: {error.strerror}; try --port 0") from error
+    return listener
+
+
+@contextmanager
+def _announced(
+    options: argparse.Namespace, listener: socket.socket, context: Context
+) -> Iterator[None]:
+    """Prints the link for the browser, and tells this user's commands where the dashboard is."""
+    scheme = "https" if context.secure else "http"
+    name = next(iter(options.allow_host), options.host)
+    name = f"[{name}]" if ":" in name else name
+    url = f"{scheme}://{name}:{listener.getsockname()[1]}"
+    _, link = context.tokens.issue("link", "local user", "admin", lifetime_s=LINK_S)
+    row, token = context.tokens.issue("token", "local commands", "operator", lifetime_s=_TOKEN_S)
+    address = {"url": url, "token": token, "endpoint": options.connect, "pid": os.getpid()}
+    path = options.runs_dir / ADDRESS_FILE
+    _write_private(path, json.dumps(address).encode())
+    print(f"bpn dashboard: {url}/#token={link}", file=sys.stdout, flush=True)
+    try:
+        yield
+    finally:
+        context.tokens.revoke(row.id)
+        with suppress(OSError, ValueError):
+            if json.loads(path.read_bytes())["pid"] == os.getpid():
+                path.unlink()
+
+
+def _write_private(path: Path, data: bytes) -> None:
+    """A file that only this user may read, at every moment."""
+    previous = os.umask(0o077)
+    try:
+        write_atomically(path, data)
+    finally:
+        os.umask(previous)

@@ -1,0 +1,111 @@
+import threading
+import time
+from collections.abc import Callable
+
+from bpn_shared import keys
+from bpn_shared.bus.liveliness import AliveToken
+from bpn_shared.bus.sampled import SampledPublisher
+from bpn_shared.bus.session import Bus
+from bpn_shared.bus.telemetry import TelemetryPublisher, TelemetryWatch
+from bpn_shared.bus.watch import Watch, WatchAlive
+from bpn_shared.messages.telemetry import Telemetry
+from bpn_shared.service import Counters, Waiting
+from bpn_shared.telemetry import Latencies, Reporter, WeightsMarks
+
+OpenBus = Callable[[], Bus]
+WaitFor = Callable[..., None]
+
+
+def test_nothing_is_encoded_until_somebody_watches_and_after_they_left(
+    open_bus: OpenBus, wait_for: WaitFor
+) -> None:
+    encoded: list[int] = []
+
+    def encode(number: int) -> tuple[bytes, bytes | None]:
+        encoded.append(number)
+        return bytes([number]), b"header"
+
+    publisher = SampledPublisher[int](open_bus(), "test/sampled", 1000.0, encode)
+    assert not publisher.watched
+    publisher.offer(1)
+    received: list[tuple[bytes, bytes]] = []
+    watcher = open_bus()
+    watch = Watch(watcher, "test/sampled", lambda header, data: received.append((header, data)))
+    wait_for(lambda: publisher.watched, "the publisher to see that it is watched")
+    publisher.offer(2)
+    wait_for(lambda: received == [(b"header", b"\x02")], "the item offered while watched")
+    watch.close()
+    wait_for(lambda: not publisher.watched, "the publisher to see that nobody watches")
+    publisher.offer(3)
+    again = Watch(watcher, "test/sampled", lambda header, data: received.append((header, data)))
+    wait_for(lambda: publisher.watched, "the publisher to be watched again")
+    publisher.offer(4)
+    wait_for(lambda: len(received) == 2, "the item offered after the return")
+    assert encoded == [2, 4]
+    again.close()
+    publisher.close()
+    assert "sampled test/sampled" not in {thread.name for thread in threading.enumerate()}
+
+
+def test_the_newest_is_published_at_the_rate_asked_for(
+    open_bus: OpenBus, wait_for: WaitFor
+) -> None:
+    received: list[int] = []
+    rate_hz = 50.0
+    publisher = SampledPublisher[int](
+        open_bus(), "test/sampled", rate_hz, lambda number: (number.to_bytes(4, "big"), None)
+    )
+    watch = Watch(
+        open_bus(),
+        "test/sampled",
+        lambda _header, data: received.append(int.from_bytes(data, "big")),
+    )
+    wait_for(lambda: publisher.watched, "the publisher to see that it is watched")
+    start_s, offered = time.monotonic(), 0
+    while time.monotonic() - start_s < 0.5:
+        offered += 1
+        publisher.offer(offered)
+    elapsed_s = time.monotonic() - start_s
+    wait_for(lambda: received and received[-1] == offered, "the last item")
+    assert received == sorted(received)
+    assert len(received) <= elapsed_s * rate_hz + 2 < offered
+    watch.close()
+    publisher.close()
+
+
+def test_telemetry_of_every_service_reaches_the_watcher(
+    open_bus: OpenBus, wait_for: WaitFor
+) -> None:
+    heard: list[Telemetry] = []
+    counters = Counters()
+    watching = open_bus()
+    watch = TelemetryWatch(watching, heard.append, counters)
+    publishers = []
+    for name in ("edge-1", "edge-2"):
+        bus = open_bus()
+        reporter = Reporter(
+            "edge", name, lambda: (None, None), bus.traffic, waiting=Waiting(),
+            counters=Counters(), latencies=Latencies(), weights=WeightsMarks(),
+        )  # fmt: skip
+        publishers.append(TelemetryPublisher(bus, "edge", name, reporter.report))
+    wait_for(lambda: {h.worker for h in heard} == {"edge-1", "edge-2"}, "both services' reports")
+    watching.zenoh.put(keys.telemetry("edge", "edge-3"), b"garbage")
+    wait_for(lambda: counters.snapshot() == {"telemetry_refused": 1}, "garbage to be refused")
+    for publisher in publishers:
+        publisher.close()
+    watch.close()
+
+
+def test_tokens_of_every_kind_are_seen_come_and_go(open_bus: OpenBus, wait_for: WaitFor) -> None:
+    changes: list[tuple[str, str, bool]] = []
+    early = open_bus()
+    token = AliveToken(early, "edge", "edge-1")
+    watch = WatchAlive(open_bus(), keys.live("*", "*"), lambda *change: changes.append(change))
+    wait_for(lambda: changes == [("edge", "edge-1", True)], "the token that was there before")
+    late = open_bus()
+    other = AliveToken(late, "learner", "learner-1")
+    wait_for(lambda: changes[1:] == [("learner", "learner-1", True)], "the token that came later")
+    late.close()
+    wait_for(lambda: changes[2:] == [("learner", "learner-1", False)], "the token to go")
+    del token, other
+    watch.close()

@@ -1,0 +1,86 @@
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from bpn_dashboard.series.downsample import bucketize
+from bpn_dashboard.series.statistics import summarize
+
+matrices = st.integers(1, 12).flatmap(
+    lambda seeds: st.lists(
+        st.lists(st.floats(-1e6, 1e6), min_size=7, max_size=7), min_size=seeds, max_size=seeds
+    )
+)
+
+
+def seeds_of(matrix):
+    x = np.arange(len(matrix[0]), dtype=float)
+    return [bucketize(x, np.array(row)) for row in matrix]
+
+
+@given(matrices)
+def test_mean_median_and_bands_are_numpys(matrix) -> None:
+    array, seeds = np.array(matrix), seeds_of(matrix)
+    exact = {"rtol": 1e-9, "atol": 1e-9}
+    mean = summarize(seeds, "mean", "std")
+    np.testing.assert_allclose(mean.value, array.mean(axis=0), **exact)
+    np.testing.assert_allclose(
+        summarize(seeds, "median", "std").value, np.median(array, axis=0), **exact
+    )
+    np.testing.assert_array_equal(mean.n, len(array))
+    np.testing.assert_array_equal(mean.min, array.min(axis=0))
+    np.testing.assert_array_equal(mean.max, array.max(axis=0))
+    if len(array) == 1:
+        assert np.isnan(mean.low).all()
+        return
+    std = array.std(axis=0, ddof=1)
+    np.testing.assert_allclose(mean.high - mean.low, 2 * std, rtol=1e-9, atol=1e-6)
+    sem = summarize(seeds, "mean", "sem")
+    np.testing.assert_allclose(
+        sem.high - sem.low, 2 * std / np.sqrt(len(array)), rtol=1e-9, atol=1e-6
+    )
+
+
+@given(matrices)
+def test_iqm_is_the_mean_without_a_quarter_at_either_end(matrix) -> None:
+    array = np.sort(np.array(matrix), axis=0)
+    cut = int(0.25 * len(array))
+    oracle = np.mean(array[cut : len(array) - cut], axis=0)
+    result = summarize(seeds_of(matrix), "iqm", "minmax")
+    np.testing.assert_allclose(result.value, oracle, rtol=1e-9, atol=1e-9)
+
+
+@given(matrices, st.sampled_from(["mean", "median", "iqm"]), st.randoms())
+def test_the_order_of_the_seeds_does_not_matter(matrix, statistic, random) -> None:
+    shuffled = list(matrix)
+    random.shuffle(shuffled)
+    for band in ("std", "sem", "ci95", "minmax"):
+        one = summarize(seeds_of(matrix), statistic, band)
+        other = summarize(seeds_of(shuffled), statistic, band)
+        for name in ("value", "low", "high", "last", "n"):
+            assert getattr(one, name).tobytes() == getattr(other, name).tobytes()
+
+
+def test_seeds_are_aligned_and_counted_while_they_live() -> None:
+    long = bucketize(np.array([0.0, 1, 2, 3, 4]), np.array([0.0, 10, 20, 30, 40]))
+    sparse = bucketize(np.array([1.0, 3.0]), np.array([100.0, 300.0]))
+    curve = summarize([long, sparse], "mean", "minmax")
+    assert curve.x.tolist() == [0, 1, 2, 3, 4]
+    assert curve.n.tolist() == [1, 2, 2, 2, 1]
+    assert curve.value.tolist() == [0, 55, 60, 165, 40]  # at 2 the sparse one still has 100
+    assert curve.high.tolist() == [0, 100, 20, 300, 40]
+
+
+def test_bootstrap_covers_the_mean_of_normal_seeds() -> None:
+    """Oracle: 1.96 standard errors, which the bootstrap of 40 normal values comes close to."""
+    array = np.random.default_rng(5).normal(3.0, 2.0, (40, 400))
+    curve = summarize(seeds_of(array), "mean", "ci95")
+    covered = (curve.low < 3.0) & (curve.high > 3.0)
+    assert 0.88 < covered.mean() < 0.99
+    widths = (curve.high - curve.low) / (array.std(axis=0, ddof=1) / np.sqrt(40))
+    assert widths.mean() == pytest.approx(2 * 1.96, rel=0.05)
+
+
+def test_a_group_of_nothing_is_an_empty_curve() -> None:
+    curve = summarize([], "iqm", "ci95")
+    assert len(curve.x) == len(curve.value) == len(curve.low) == 0
