@@ -30,7 +30,7 @@ from bpn_dashboard.hub.websocket import UVICORN_OPTIONS, live_route
 from bpn_dashboard.registry.store import RunStore
 from bpn_dashboard.series.ingest import Ingest
 from bpn_shared.bus.session import DEFAULT_ENDPOINT, Bus, BusError
-from bpn_shared.config import ConfigError
+from bpn_shared.config import ConfigError, RunConfig
 from bpn_shared.run_folder import write_atomically
 from bpn_shared.service import Counters, end_with_supervisor, set_up_logging
 
@@ -63,6 +63,12 @@ def argument_parser() -> argparse.ArgumentParser:
         "--allow-host", action="append", default=[], metavar="NAME",
         help="another name by which browsers reach it; may be repeated",
     )  # fmt: skip
+    parser.add_argument(
+        "--first-run",
+        metavar="TASK",
+        default="",
+        help="start a run of this task if there is no run yet",
+    )
     parser.add_argument("--certificate", type=Path, help="TLS certificate, PEM")
     parser.add_argument("--key", type=Path, help="its private key, PEM")
     parser.add_argument(
@@ -166,6 +172,7 @@ def main(argv: list[str] | None = None) -> int:
     end_with_supervisor()
     try:
         check_options(options)
+        first_run = RunConfig.for_task(options.first_run) if options.first_run else None
         listener = _listen(options.host, options.port)
         options.runs_dir.mkdir(parents=True, exist_ok=True)
         database = Database(options.database or sqlite_url(options.runs_dir / ".dashboard.sqlite"))
@@ -176,6 +183,8 @@ def main(argv: list[str] | None = None) -> int:
         stack.callback(database.close)
         stack.callback(listener.close)
         app, context = build(options, database)
+        if first_run is not None and not any(options.runs_dir.glob("*/config.json")):
+            context.runs.create(first_run, name="first run", actor="bpn-dashboard")
         stack.enter_context(_announced(options, listener, context))
         config = uvicorn.Config(
             app,
