@@ -9,7 +9,7 @@ PACKAGES := shared services/edge services/learner services/robot_sim services/da
 SOURCES := $(PACKAGES:%=%/bpn*)
 
 .DEFAULT_GOAL := help
-.PHONY: help up test lint format bench learning doctor clean
+.PHONY: help up test lint format test-containers bench learning doctor clean
 
 help:            ## this list
 	@grep -hE '^[a-z-]+: .*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 12
@@ -19,6 +19,9 @@ up: $(INSTALLED) ## start everything with the default run
 
 test: lint       ## lint, then every test that takes seconds, then those that take minutes
 	$(BIN)/pytest tests
+
+test-containers: $(INSTALLED) ## build the images, run the whole loop in containers (any Docker Engine from 25 on)
+	BPN_CONTAINERS=1 $(BIN)/pytest tests/containers
 
 lint: $(INSTALLED) ## ruff, mypy --strict, import-linter
 	$(BIN)/ruff check .

@@ -77,6 +77,12 @@ def argument_parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--open-metrics", action="store_true", help="/metrics needs no token from loopback"
     )
+    parser.add_argument(
+        "--metrics-token",
+        type=Path,
+        metavar="FILE",
+        help="write a token for who reads /metrics here",
+    )
     return parser
 
 
@@ -226,14 +232,20 @@ def _announced(
     url = f"{scheme}://{name}:{listener.getsockname()[1]}"
     _, link = context.tokens.issue("link", "local user", "admin", lifetime_s=LINK_S)
     row, token = context.tokens.issue("token", "local commands", "operator", lifetime_s=_TOKEN_S)
+    issued = [row]
     address = {"url": url, "token": token, "endpoint": options.connect, "pid": os.getpid()}
+    if options.metrics_token is not None:
+        row, viewer = context.tokens.issue("token", "metrics", "viewer", lifetime_s=_TOKEN_S)
+        issued.append(row)
+        write_atomically(options.metrics_token, viewer.encode())
     path = options.runs_dir / ADDRESS_FILE
     _write_private(path, json.dumps(address).encode())
     print(f"bpn dashboard: {url}/#token={link}", file=sys.stdout, flush=True)
     try:
         yield
     finally:
-        context.tokens.revoke(row.id)
+        for row in issued:
+            context.tokens.revoke(row.id)
         with suppress(OSError, ValueError):
             if json.loads(path.read_bytes())["pid"] == os.getpid():
                 path.unlink()
