@@ -10,7 +10,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from bpn_dashboard.database.engine import Database, sqlite_url
+from bpn_dashboard.database.engine import Database
 from bpn_dashboard.series import store
 from bpn_dashboard.series.ingest import Ingest
 from bpn_dashboard.series.lines import parse_lines
@@ -19,13 +19,6 @@ from bpn_dashboard.series.query import Series, SeriesQueries, View
 from bpn_shared.service import Counters
 
 RUN = "01a201f9-821b-74c6-95eb-3f4ab1331c4c"
-
-
-@pytest.fixture
-def database(tmp_path: Path):
-    database = Database(sqlite_url(tmp_path / "index.sqlite"))
-    yield database
-    database.close()
 
 
 @pytest.fixture

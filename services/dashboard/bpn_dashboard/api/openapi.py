@@ -6,7 +6,7 @@ from typing import Any
 from fastapi import FastAPI
 from fastapi.dependencies.models import Dependant
 from fastapi.openapi.utils import get_openapi
-from fastapi.routing import APIRoute
+from fastapi.routing import iter_route_contexts
 
 from bpn_dashboard.api.problems import Problem, responses
 
@@ -29,18 +29,19 @@ def describe(app: FastAPI) -> None:
         "bearer": {"type": "http", "scheme": "bearer"},
         "session": {"type": "apiKey", "in": "cookie", "name": app.state.context.cookie},
     }
-    for route in app.routes:
-        if isinstance(route, APIRoute) and route.include_in_schema:
-            for method in route.methods or ():
-                _describe_operation(document["paths"][route.path_format][method.lower()], route)
+    for route in iter_route_contexts(app.routes):
+        operations = document["paths"].get(route.path_format, {})
+        for method in route.methods or ():
+            if method.lower() in operations:
+                _describe_operation(operations[method.lower()], route.dependant)
     app.openapi = lambda: document  # type: ignore[method-assign] # the framework's own way
 
 
-def _describe_operation(operation: dict[str, Any], route: APIRoute) -> None:
+def _describe_operation(operation: dict[str, Any], dependant: Dependant) -> None:
     found = operation["responses"]
     if "422" in found:
         found |= {str(status): told for status, told in responses(422).items()}
-    role = next(_roles(route.dependant), None)
+    role = next(_roles(dependant), None)
     if role is not None:
         operation[ROLE] = role
         operation["security"] = [{"bearer": []}, {"session": []}]

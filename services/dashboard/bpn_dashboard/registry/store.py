@@ -1,7 +1,5 @@
 """The runs: made, found, wanted or not wanted any more. Folder and database change together here."""
 
-import hashlib
-import json
 import time
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -22,8 +20,10 @@ from bpn_dashboard.registry.errors import (
     UnknownRunError,
     UnknownSweepError,
 )
+from bpn_dashboard.registry.folders import row_of
+from bpn_dashboard.registry.index import Index
 from bpn_dashboard.registry.query import Cursor, Page, RunFilter, conditions, find_page
-from bpn_dashboard.registry.states import OVER, is_busy, observed
+from bpn_dashboard.registry.states import OVER, is_busy
 from bpn_dashboard.registry.sweeps import expand
 from bpn_shared.config import RunConfig
 from bpn_shared.run_folder import RunFolder
@@ -48,6 +48,7 @@ class RunStore:
         self._database = database
         self.runs_dir = runs_dir
         self._listeners: list[Listener] = []
+        self.index = Index(database, runs_dir)
 
     def subscribe(self, listener: Listener) -> None:
         """From now on `listener` hears of every change, after it is stored."""
@@ -110,10 +111,11 @@ class RunStore:
         actor: str,
     ) -> RunRow:
         """A new run, in the queue for workers."""
-        row = self._new_run(config, name=name, notes=notes, tags=tags, sweep_id=None)
-        with self._database.writing() as session:
-            session.add(row)
-            _audit(session, actor, "create", row.id, config=row.config)
+        with self.index.making:
+            row = self._new_run(config, name=name, notes=notes, tags=tags, sweep_id=None)
+            with self._database.writing() as session:
+                session.add(row)
+                _audit(session, actor, "create", row.id, config=row.config)
         self._tell([row])
         return row
 
@@ -128,8 +130,10 @@ class RunStore:
     ) -> RunRow:
         run_id = _new_id()
         folder = RunFolder.create(self.runs_dir, UUID(run_id), config)
-        row = row_of(folder, About(name=name, notes=notes, tags=list(tags), sweep_id=sweep_id,
-                                   desired_state="running"))  # fmt: skip
+        about = About(
+            name=name, notes=notes, tags=list(tags), sweep_id=sweep_id, desired_state="running"
+        )
+        row = row_of(folder, about)
         About.write(folder, row)
         return row
 
@@ -239,11 +243,19 @@ class RunStore:
         changed = []
         with self._database.writing() as session:
             for run_id, seen in observations.items():
-                row = _run(session, run_id)
-                if _apply(row, seen):
+                row = session.get(RunRow, run_id)
+                if row is not None and _apply(row, seen):
                     changed.append(row)
         self._tell(changed)
         return changed
+
+    def look_around(self) -> list[RunRow]:
+        """The runs whose folders other programs have made, or changed the state of, since last time."""
+        made = self.index.adopt()
+        self._tell(made)
+        with self._database.reading() as session:
+            ids = self.index.changed(session)
+            return list(session.scalars(select(RunRow).where(RunRow.id.in_(ids)))) if ids else []
 
     def _tell(self, rows: Sequence[RunRow]) -> None:
         for listener in self._listeners if rows else ():
@@ -272,13 +284,14 @@ class RunStore:
             id=_new_id(), name=name, config=dict(config), seeds=list(seeds), created_at=time.time(),
             grid={key: list(values) for key, values in grid.items()},
         )  # fmt: skip
-        SweepFile.write(self.runs_dir, sweep)
-        rows = [self._new_run(run.config, name=run.name, sweep_id=sweep.id) for run in runs]
-        with self._database.writing() as session:
-            session.add(sweep)
-            session.flush()
-            session.add_all(rows)
-            _audit(session, actor, "create_sweep", sweep.id, name=name, runs=len(rows))
+        with self.index.making:
+            SweepFile.write(self.runs_dir, sweep)
+            rows = [self._new_run(run.config, name=run.name, sweep_id=sweep.id) for run in runs]
+            with self._database.writing() as session:
+                session.add(sweep)
+                session.flush()
+                session.add_all(rows)
+                _audit(session, actor, "create_sweep", sweep.id, name=name, runs=len(rows))
         self._tell(rows)
         return sweep
 
@@ -325,33 +338,6 @@ class RunStore:
         for row in self.find(RunFilter(sweep_id=sweep_id, archived=None)):
             self.request_stop(row.id, actor)
         return sweep
-
-
-def row_of(folder: RunFolder, about: About) -> RunRow:
-    """The row of a run whose folder says all that is known of it, but for its progress.
-
-    Raises:
-        ConfigError: a file of the folder is missing or damaged.
-    """
-    config, recorded = folder.config(), folder.state()
-    values = config.model_dump()
-    return RunRow(
-        id=str(folder.run),
-        task=config.task,
-        algorithm=config.algorithm,
-        seed=config.seed,
-        config=values,
-        config_hash=hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest(),
-        state=observed(recorded.state, about.desired_state, owned=False),
-        attempt=recorded.attempt,
-        iteration=0,
-        iterations=config.iterations,
-        error=recorded.error,
-        created_at=recorded.created_unix_s,
-        updated_at=recorded.updated_unix_s,
-        **about.model_dump(exclude={"name"}),
-        name=about.name or f"{config.task} {config.algorithm} seed {config.seed}",
-    )
 
 
 def _run(session: Session, run_id: str) -> RunRow:

@@ -1,0 +1,64 @@
+"""How far a run has come: read from its metrics line by line, as they are written."""
+
+import json
+from collections import deque
+from typing import Any
+
+from bpn_shared.run_folder import RunFolder
+
+_MEAN_OF = 5
+
+
+class Progress:
+    """The summary columns of one run's row. Each `read` takes in what was written since the last one."""
+
+    def __init__(self, folder: RunFolder) -> None:
+        self._path = folder.path / "metrics.jsonl"
+        self._begin()
+
+    def _begin(self) -> None:
+        self._offset_bytes = 0
+        self._last: dict[str, Any] | None = None
+        self._returns_px: deque[float] = deque(maxlen=_MEAN_OF)
+        self._best_px: float | None = None
+
+    def read(self) -> dict[str, Any]:
+        """Iterations done and what they came to, by column of `RunRow`."""
+        for line in self._new_lines():
+            try:
+                self._take(json.loads(line))
+            except (ValueError, KeyError, TypeError):  # cut by a crash; the iteration comes again
+                continue
+        last = self._last
+        if last is None:
+            return {"iteration": 0}
+        return {
+            "iteration": last["iteration"] + 1,
+            "weights_version": last["weights_version"],
+            "return_px_last": last["return_px"],
+            "return_px_best": self._best_px,
+            "return_px_mean_last_5": sum(self._returns_px) / len(self._returns_px),
+            "length_last": last["length"],
+        }
+
+    def _new_lines(self) -> list[bytes]:
+        try:
+            with self._path.open("rb") as file:
+                if file.seek(0, 2) < self._offset_bytes:  # another file in its place
+                    self._begin()
+                file.seek(self._offset_bytes)
+                data = file.read()
+        except FileNotFoundError:
+            return []
+        whole = data[: data.rfind(b"\n") + 1]
+        self._offset_bytes += len(whole)
+        return whole.splitlines()
+
+    def _take(self, record: dict[str, Any]) -> None:
+        return_px = float(record["return_px"])
+        if self._last is not None and record["iteration"] <= self._last["iteration"]:
+            self._returns_px.pop()  # after a crash an iteration may stand twice
+        last = {key: record[key] for key in ("iteration", "weights_version", "return_px", "length")}
+        self._last = last
+        self._returns_px.append(return_px)
+        self._best_px = return_px if self._best_px is None else max(self._best_px, return_px)

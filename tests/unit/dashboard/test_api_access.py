@@ -1,0 +1,233 @@
+"""Who gets in, from where, and what each role may do."""
+
+import re
+
+import pytest
+from fastapi.routing import iter_route_contexts
+from fastapi.testclient import TestClient
+from starlette.websockets import WebSocketDisconnect
+
+from bpn_dashboard.access.guard import CONTENT_SECURITY_POLICY, Guard
+from bpn_dashboard.access.roles import ROLES
+from bpn_dashboard.api.context import Context
+from bpn_dashboard.api.openapi import ROLE
+from bpn_dashboard.service import argument_parser, check_options
+from bpn_shared.config import ConfigError
+
+PUBLIC = {"logIn", "getHealth", "getReadiness", "getPrometheusMetrics"}  # the last checks by itself
+
+
+def operations(application):
+    for path, methods in application.api.openapi()["paths"].items():
+        for method, operation in methods.items():
+            yield method.upper(), re.sub(r"{[^}]*}", "0", path), operation
+
+
+def test_every_operation_needs_a_role_but_for_the_named_ones(application) -> None:
+    found = {op["operationId"]: op.get(ROLE) for _, _, op in operations(application)}
+    assert {name for name, role in found.items() if role is None} == PUBLIC
+    assert set(found.values()) == {None, *ROLES}
+
+
+def test_every_route_is_described(application) -> None:
+    described = set(application.api.openapi()["paths"])
+    served = {route.path for route in iter_route_contexts(application.api.routes)}
+    assert served - described == {"/{path:path}"}
+
+
+def test_each_role_may_do_what_it_and_lower_ones_may(application, client_of) -> None:
+    """A role that is high enough never gets 401 or 403; a lower one gets 403, nobody 401."""
+    clients = {role: client_of(role) for role in (None, *ROLES)}
+    checked = 0
+    for method, path, operation in operations(application):
+        needed = operation.get(ROLE)
+        for role, client in clients.items():
+            if operation["operationId"] in PUBLIC | {"logOut"}:
+                continue
+            status = client.request(method, path).status_code
+            if role is None:
+                assert status == 401, (method, path)
+            elif ROLES.index(role) < ROLES.index(needed):
+                assert status == 403, (method, path, role)
+            else:
+                assert status not in (401, 403, 500), (method, path, role)
+            checked += 1
+    assert checked > 100
+
+
+def test_metrics_need_a_token_unless_opened_to_loopback(application, client_of, context) -> None:
+    assert client_of(None).get("/metrics").status_code == 401
+    shown = client_of("viewer").get("/metrics")
+    assert shown.status_code == 200
+    assert "process_resident_memory_bytes" in shown.text
+    context.open_metrics = True
+    local = TestClient(application, base_url="http://localhost", client=("127.0.0.1", 9))
+    distant = TestClient(application, base_url="http://localhost", client=("10.0.0.7", 9))
+    assert (local.get("/metrics").status_code, distant.get("/metrics").status_code) == (200, 401)
+
+
+@pytest.mark.parametrize(
+    ("host", "status"),
+    [
+        ("localhost:8000", 200), ("127.0.0.1", 200), ("[::1]:8000", 200), ("dashboard.example", 200),
+        ("DASHBOARD.example:1", 200), ("evil.example", 421), ("localhost.evil.example", 421),
+        ("", 421), ("[", 421), ("10.0.0.1", 421), ("localhost@evil.example", 421),
+    ],
+)  # fmt: skip
+def test_only_known_hosts_are_served(client, host, status) -> None:
+    answer = client.get("/api/v1/runs", headers={"Host": host})
+    assert answer.status_code == status
+    assert answer.headers["content-security-policy"] == CONTENT_SECURITY_POLICY
+
+
+@pytest.mark.parametrize(
+    ("headers", "allowed"),
+    [
+        ({}, True),
+        ({"Origin": "http://localhost:8000"}, True),
+        ({"Origin": "https://localhost:8000"}, True),  # a proxy ended TLS
+        ({"Origin": "http://localhost:9000"}, False),
+        ({"Origin": "http://evil.example"}, False),
+        ({"Origin": "null"}, False),
+        ({"Origin": "http://localhost:8000.evil.example"}, False),
+        ({"Origin": "file://localhost:8000"}, False),
+        ({"Sec-Fetch-Site": "same-origin"}, True),
+        ({"Sec-Fetch-Site": "none"}, True),
+        ({"Sec-Fetch-Site": "same-site"}, False),
+        ({"Sec-Fetch-Site": "cross-site"}, False),
+        ({"Sec-Fetch-Site": "cross-site", "Origin": "http://localhost:8000"}, False),
+    ],
+)
+def test_changes_come_from_our_own_pages(client, headers, allowed) -> None:
+    answer = client.post("/api/v1/runs", json={"config": {"task": "reaching"}}, headers=headers)
+    assert answer.status_code == (201 if allowed else 403)
+    assert client.get("/api/v1/runs", headers=headers).status_code == 200
+
+
+@pytest.mark.parametrize(
+    ("headers", "allowed"),
+    [
+        ({"Origin": "http://localhost"}, True),
+        ({"Authorization": "Bearer x"}, True),
+        ({}, False),
+        ({"Origin": "http://evil.example"}, False),
+        ({"Origin": "http://localhost", "Host": "evil.example"}, False),
+        ({"Origin": "http://evil.example", "Host": "evil.example"}, False),
+        ({"Origin": "http://evil.example", "Authorization": "Bearer x"}, False),
+        ({"Origin": "http://localhost", "Sec-Fetch-Site": "cross-site"}, False),
+    ],
+)
+def test_web_sockets_come_from_our_own_pages(headers, allowed) -> None:
+    async def accept(scope, receive, send) -> None:
+        await receive()
+        await send({"type": "websocket.accept"})
+        await send({"type": "websocket.close"})
+
+    client = TestClient(Guard(accept))
+    try:
+        with client.websocket_connect("ws://localhost/api/v1/live", headers=headers) as socket:
+            assert allowed
+            socket.close()
+    except WebSocketDisconnect as error:
+        assert not allowed
+        assert error.code == 4403
+
+
+def test_a_link_becomes_a_session_once(application, client_of, context) -> None:
+    _, link = context.tokens.issue("link", "me", "operator", lifetime_s=60)
+    browser, other = client_of(None), client_of(None)
+    answer = browser.post("/api/v1/session", json={"token": link})
+    assert answer.status_code == 204
+    cookie = answer.headers["set-cookie"]
+    assert "HttpOnly" in cookie
+    assert "SameSite=strict" in cookie
+    assert "Path=/" in cookie
+    assert browser.get("/api/v1/session").json() == {"name": "me", "role": "operator"}
+    refused = other.post("/api/v1/session", json={"token": link})
+    assert refused.status_code == 401
+    assert refused.json()["type"] == "urn:bpn:problem:wrong-token"
+    assert browser.delete("/api/v1/session").status_code == 204
+    assert browser.get("/api/v1/session").status_code == 401
+
+
+def test_a_link_is_no_token_and_an_expired_token_none_either(client_of, context) -> None:
+    _, link = context.tokens.issue("link", "me", "admin", lifetime_s=60)
+    _, expired = context.tokens.issue("token", "me", "admin", lifetime_s=-1)
+    for secret in (link, expired, "", "x" * 5000, "\xff"):
+        assert context.tokens.identify(secret) is None
+    client = client_of(None)
+    assert (
+        client.get("/api/v1/runs", headers={"Authorization": f"Bearer {link}"}).status_code == 401
+    )
+
+
+def test_sessions_outlive_the_process_and_secrets_are_not_stored(context, database) -> None:
+    _, link = context.tokens.issue("link", "me", "viewer", lifetime_s=60)
+    _, session = context.tokens.log_in(link)
+    again = Context(database, context.runs, context.ingest, context.counters)
+    assert again.tokens.identify(session).role == "viewer"
+    with database.reading() as reading:
+        rows = str(reading.connection().exec_driver_sql("SELECT * FROM tokens").fetchall())
+    assert session not in rows
+    assert session.removeprefix("bpn_") not in rows
+
+
+def test_tokens_are_made_listed_and_revoked(client, client_of) -> None:
+    made = client.post("/api/v1/tokens", json={"name": "ci", "role": "viewer", "lifetime_s": 3600})
+    assert made.status_code == 201
+    token = made.json()["token"]
+    script = client_of(None)
+    script.headers["Authorization"] = f"Bearer {token}"
+    assert script.get("/api/v1/runs").status_code == 200
+    listed = client.get("/api/v1/tokens").json()["items"]
+    assert made.json()["id"] in [item["id"] for item in listed]
+    assert token not in str(listed)
+    assert client.delete(f"/api/v1/tokens/{made.json()['id']}").status_code == 204
+    assert script.get("/api/v1/runs").status_code == 401
+    assert client.delete(f"/api/v1/tokens/{made.json()['id']}").status_code == 404
+
+
+def test_nobody_makes_a_link_for_more_than_their_role(client_of) -> None:
+    operator = client_of("operator")
+    assert operator.post("/api/v1/links", json={"role": "admin"}).status_code == 403
+    link = operator.post("/api/v1/links", json={"role": "viewer"}).json()["token"]
+    browser = client_of(None)
+    assert browser.post("/api/v1/session", json={"token": link}).status_code == 204
+    assert browser.get("/api/v1/session").json()["role"] == "viewer"
+
+
+def test_guessing_is_slowed_down_for_the_guesser_alone(application, context) -> None:
+    guesser = TestClient(application, base_url="http://localhost", client=("10.0.0.7", 9))
+    wrong = [
+        guesser.post("/api/v1/session", json={"token": f"x{i}"}).status_code for i in range(25)
+    ]
+    assert wrong == [401] * 20 + [429] * 5
+    assert guesser.get("/api/v1/runs", headers={"Authorization": "Bearer x"}).status_code == 429
+    _, link = context.tokens.issue("link", "me", "viewer", lifetime_s=60)
+    other = TestClient(application, base_url="http://localhost", client=("10.0.0.8", 9))
+    assert other.post("/api/v1/session", json={"token": link}).status_code == 204
+
+
+@pytest.mark.parametrize(
+    ("arguments", "wrong"),
+    [
+        ([], None),
+        (["--host", "::1"], None),
+        (["--host", "0.0.0.0"], "--insecure-http"),
+        (["--host", "192.168.0.2"], "--insecure-http"),
+        (["--host", "example.com"], "--insecure-http"),
+        (["--host", "0.0.0.0", "--insecure-http"], None),
+        (["--host", "0.0.0.0", "--certificate", "PEM", "--key", "PEM"], None),
+        (["--certificate", "PEM"], "belong together"),
+        (["--certificate", "missing.pem", "--key", "PEM"], "missing.pem"),
+    ],
+)
+def test_it_does_not_listen_beyond_loopback_in_the_clear(arguments, wrong, tmp_path) -> None:
+    pem = tmp_path / "some.pem"
+    pem.touch()
+    options = argument_parser().parse_args([a.replace("PEM", str(pem)) for a in arguments])
+    if wrong is None:
+        check_options(options)
+    else:
+        with pytest.raises(ConfigError, match=wrong):
+            check_options(options)
