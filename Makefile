@@ -23,15 +23,17 @@ test: lint       ## lint, then every test that takes seconds, then those that ta
 test-containers: $(INSTALLED) ## build the images, run the whole loop in containers (any Docker Engine from 25 on)
 	BPN_CONTAINERS=1 $(BIN)/pytest tests/containers
 
-lint: $(INSTALLED) ## ruff, mypy --strict, import-linter
+lint: $(INSTALLED) ## ruff, mypy --strict, import-linter; prettier, svelte-check and vitest for the web UI
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy -p bpn_shared -p bpn_edge -p bpn_learner -p bpn_robot_sim -p bpn_dashboard -p bpn_certificates -p bpn
 	$(BIN)/lint-imports --no-logo
+	$(BIN)/python services/dashboard/hatch_build.py check test
 
 format: $(INSTALLED) ## write code as ruff wants it
 	$(BIN)/ruff check --fix .
 	$(BIN)/ruff format .
+	$(BIN)/python services/dashboard/hatch_build.py format
 
 bench: $(INSTALLED) ## kernel, learner and loop, side by side with what they are measured against
 	$(BIN)/bpn bench kernel
@@ -45,11 +47,12 @@ doctor: $(INSTALLED) ## what this machine has, for bug reports
 	$(BIN)/bpn doctor
 
 clean:           ## remove what `make` installed and built; runs stay
-	rm -rf $(VENV) services/*/build services/edge/bpn_edge/kernel/*.so services/learner/bpn_learner/*.so
+	rm -rf $(VENV) services/dashboard/web/node_modules services/dashboard/bpn_dashboard/static services/*/build services/edge/bpn_edge/kernel/*.so services/learner/bpn_learner/*.so
 
-# The compiled kernels are part of the editable installs, so their sources are among the prerequisites.
+# The compiled kernels and the web UI are part of the editable installs, so their sources are among the prerequisites.
 $(INSTALLED): constraints.txt pyproject.toml $(PACKAGES:%=%/pyproject.toml) \
-              $(foreach s,edge learner,services/$(s)/CMakeLists.txt $(wildcard services/$(s)/src/*))
+              $(foreach s,edge learner,services/$(s)/CMakeLists.txt $(wildcard services/$(s)/src/*)) \
+              services/dashboard/hatch_build.py $(shell find services/dashboard/web -type f -not -path '*/node_modules/*')
 	sh deploy/local/check-system.sh $(PYTHON)
 	$(PYTHON) -m venv $(VENV)
 	$(PIP_INSTALL) pip

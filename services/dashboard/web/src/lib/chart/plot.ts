@@ -1,0 +1,237 @@
+/** uPlot behind our own interface: the only module that knows it. Colours follow the theme, zoom outlives new data. */
+
+import uPlot from 'uplot';
+import 'uplot/dist/uPlot.min.css';
+import { PALETTE, withAlpha, type ThemeName } from '../colour';
+import { number } from '../format';
+import { count } from '../stats';
+import { planOf, shapeOf, type Line, type Part, type Plan } from './plan';
+
+export type Range = [number, number];
+
+export interface PlotState {
+  lines: readonly Line[];
+  hidden: ReadonlySet<string>;
+  smoothing: number;
+  range: Range | null; // x that is shown; null: all
+  logarithmic: boolean;
+  unit: string;
+  theme: ThemeName;
+  heightPx: number;
+}
+
+export interface PlotEvents {
+  /** The index of x under the cursor; null: the cursor is elsewhere. */
+  cursor(index: number | null): void;
+  /** The user chose a range of x, or all. */
+  range(range: Range | null): void;
+  /** What was last given is drawn. */
+  drawn(): void;
+}
+
+const RAW_ALPHA = 0.28;
+const BAND_ALPHA = 0.18;
+const MANY_BANDS = 3; // from there on they are fainter, so that lines stay in front
+const FOCUS_PX = 24;
+
+export class Plot {
+  #chart: uPlot | null = null;
+  #plan: Plan = planOf([], 0);
+  #state: PlotState | null = null;
+  #shape = '';
+  readonly #sizes: ResizeObserver;
+
+  constructor(
+    private readonly element: HTMLElement,
+    private readonly events: PlotEvents,
+    private readonly sync: string | null,
+  ) {
+    this.#sizes = new ResizeObserver(() => this.#resize());
+    this.#sizes.observe(element);
+  }
+
+  get plan(): Plan {
+    return this.#plan;
+  }
+
+  update(state: PlotState): void {
+    const before = this.#state;
+    const shape = shapeOf(state.lines, state.smoothing) + String(state.logarithmic);
+    if (before?.lines !== state.lines || before.smoothing !== state.smoothing) {
+      this.#plan = planOf(state.lines, state.smoothing);
+    }
+    this.#state = state;
+    if (!this.#chart || shape !== this.#shape) {
+      this.#shape = shape;
+      this.#rebuild();
+      return;
+    }
+    const chart = this.#chart;
+    chart.batch(() => {
+      if (chart.data !== this.#plan.columns)
+        chart.setData(this.#plan.columns as uPlot.AlignedData, true);
+      else chart.setScale('x', { min: NaN, max: NaN }); // asks the range function again
+      this.#plan.series.forEach(({ line }, i) => {
+        const show = !state.hidden.has(state.lines[line]?.key ?? '');
+        if (chart.series[i + 1]?.show !== show) chart.setSeries(i + 1, { show });
+      });
+    });
+    if (before?.theme !== state.theme) chart.redraw(false, true);
+    if (before?.heightPx !== state.heightPx) this.#resize();
+  }
+
+  /** Moves the cursor to an index of x, for the keyboard. */
+  pointAt(index: number): void {
+    const chart = this.#chart;
+    const x = chart?.data[0][index];
+    if (!chart || x === undefined) return;
+    chart.setCursor({ left: chart.valToPos(x, 'x'), top: chart.over.clientHeight / 2 });
+  }
+
+  /** What is drawn, as an image on the page's background. */
+  async png(background: string): Promise<Blob | null> {
+    const source = this.#chart?.ctx.canvas;
+    if (!source) return null;
+    const canvas = document.createElement('canvas');
+    canvas.width = source.width;
+    canvas.height = source.height;
+    const context = canvas.getContext('2d');
+    if (!context) return null;
+    context.fillStyle = background;
+    context.fillRect(0, 0, canvas.width, canvas.height);
+    context.drawImage(source, 0, 0);
+    return new Promise((done) => canvas.toBlob(done, 'image/png'));
+  }
+
+  destroy(): void {
+    this.#sizes.disconnect();
+    this.#chart?.destroy();
+    this.#chart = null;
+  }
+
+  #rebuild(): void {
+    this.#chart?.destroy();
+    const options = this.#options();
+    this.#chart = new uPlot(options, this.#plan.columns as uPlot.AlignedData, this.element);
+  }
+
+  #resize(): void {
+    const width = this.element.clientWidth;
+    const height = this.#state?.heightPx ?? 0;
+    if (
+      this.#chart &&
+      width > 0 &&
+      (width !== this.#chart.width || height !== this.#chart.height)
+    ) {
+      this.#chart.setSize({ width, height });
+    }
+  }
+
+  #colour(line: number): string {
+    const { lines, theme } = this.#state ?? { lines: [], theme: 'light' as ThemeName };
+    return PALETTE[theme][lines[line]?.stroke.colour ?? 0] ?? '#888888';
+  }
+
+  #bandAlpha(): number {
+    return BAND_ALPHA * Math.min(1, MANY_BANDS / this.#plan.bands.length);
+  }
+
+  /** A value at the y axis; shares are written as percent, as in the title. */
+  #tick(value: number | null): string {
+    if (value === null) return '';
+    return number(this.#state?.unit === 'share' ? value * 100 : value, 5);
+  }
+
+  #token(name: string): string {
+    return getComputedStyle(this.element).getPropertyValue(name).trim();
+  }
+
+  #options(): uPlot.Options {
+    const state = this.#state;
+    const { events } = this;
+    const axis: uPlot.Axis = {
+      stroke: () => this.#token('--muted'),
+      grid: { stroke: () => this.#token('--line'), width: 1 },
+      ticks: { show: false },
+      font: `12px ${this.#token('--font') || 'sans-serif'}`,
+      gap: 6,
+    };
+    return {
+      width: Math.max(this.element.clientWidth, 100),
+      height: state?.heightPx ?? 200,
+      legend: { show: false },
+      padding: [10, 12, 0, 0],
+      scales: {
+        x: { time: false, range: (_chart, low, high) => this.#state?.range ?? widened(low, high) },
+        y: { distr: state?.logarithmic ? 3 : 1 },
+      },
+      axes: [
+        {
+          ...axis,
+          size: 28,
+          space: 64,
+          values: (_chart, ticks) => ticks.map((tick) => number(tick, 6)),
+        },
+        {
+          ...axis,
+          size: (_chart, labels) =>
+            14 + 7 * Math.max(3, ...(labels ?? []).map((label) => label?.length ?? 0)),
+          values: (_chart, ticks) => ticks.map((tick) => this.#tick(tick)),
+        },
+      ],
+      series: [{}, ...this.#plan.series.map(({ line, part }) => this.#series(line, part))],
+      bands: this.#plan.bands.map(({ series, line }) => ({
+        series,
+        fill: () => withAlpha(this.#colour(line), this.#bandAlpha()),
+      })),
+      focus: { alpha: 0.35 },
+      cursor: {
+        y: false,
+        drag: { x: true, y: false, setScale: false, dist: 4 },
+        focus: { prox: FOCUS_PX },
+        points: { size: 7 },
+        bind: { dblclick: () => () => (events.range(null), null) },
+        ...(this.sync ? { sync: { key: this.sync, setSeries: false } } : {}),
+      },
+      hooks: {
+        setCursor: [(chart) => events.cursor(chart.cursor.idx ?? null)],
+        setSelect: [(chart) => this.#selected(chart)],
+        draw: [
+          () => {
+            count('charts drawn');
+            events.drawn();
+          },
+        ],
+      },
+    };
+  }
+
+  #series(line: number, part: Part): uPlot.Series {
+    const { lines, hidden } = this.#state ?? { lines: [] as Line[], hidden: new Set<string>() };
+    const edge = part === 'low' || part === 'high';
+    const one = lines[line];
+    return {
+      label: one?.label ?? '',
+      show: !hidden.has(one?.key ?? ''),
+      stroke: edge
+        ? 'transparent'
+        : () => (part === 'raw' ? withAlpha(this.#colour(line), RAW_ALPHA) : this.#colour(line)),
+      width: part === 'raw' ? 1 : edge ? 0 : 1.75,
+      dash: part === 'value' ? [...(one?.stroke.dash ?? [])] : [],
+      points: { show: part === 'value' && (one?.x.length ?? 0) < 2, size: 6 },
+    };
+  }
+
+  #selected(chart: uPlot): void {
+    const { left, width } = chart.select;
+    if (width <= 0) return;
+    chart.setSelect({ left: 0, top: 0, width: 0, height: 0 }, false);
+    this.events.range([chart.posToVal(left, 'x'), chart.posToVal(left + width, 'x')]);
+  }
+}
+
+/** A range of x that can be drawn, also for one point or none. */
+function widened(low: number | null, high: number | null): Range {
+  if (low === null || high === null) return [0, 1];
+  return low === high ? [low - 1, high + 1] : [low, high];
+}

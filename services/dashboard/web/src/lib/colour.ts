@@ -1,0 +1,158 @@
+/** Colours of lines: the same for the same group wherever and whenever it is shown, told apart by colour-blind people. */
+
+/**
+ * Okabe and Ito's hues, with a lightness per theme that keeps 3:1 against the chart's background.
+ * Black, which they begin with, is left to text and axes.
+ */
+export const PALETTE = {
+  light: ['#0072b2', '#c95400', '#00805e', '#b0588a', '#9a6b00', '#2484c1', '#857700', '#5b5f66'],
+  dark: ['#4aa8e0', '#f0803c', '#22b88e', '#dd96bd', '#e8ab2e', '#8accf5', '#e6da4a', '#a8adb5'],
+} as const;
+
+export const DASHES: readonly (readonly number[])[] = [[], [8, 4], [2, 3], [10, 3, 2, 3]];
+const COLOURS = PALETTE.light.length;
+const SLOTS = COLOURS * DASHES.length;
+
+export type ThemeName = keyof typeof PALETTE;
+
+export interface Stroke {
+  colour: number; // index into the palette
+  dash: readonly number[];
+}
+
+/** 32-bit FNV-1a hash of a text. */
+export function hash(text: string): number {
+  let value = 0x811c9dc5;
+  for (let i = 0; i < text.length; i++) {
+    value = Math.imul(value ^ text.charCodeAt(i), 0x01000193);
+  }
+  return value >>> 0;
+}
+
+/** A store of strings, as `localStorage` is one. */
+export type Keeper = Pick<Storage, 'getItem' | 'setItem'>;
+
+const KEPT = 400;
+
+/**
+ * Which stroke a key has. Its hash says which one it prefers; another one is taken when that colour is in use by
+ * something shown beside it. What was given is kept, so that filtering changes no colour.
+ */
+export class StrokeBook {
+  readonly #slots: Map<string, number>;
+
+  constructor(
+    private readonly keeper: Keeper | null = null,
+    private readonly name = 'bpn.strokes',
+  ) {
+    this.#slots = new Map(readPairs(keeper?.getItem(name)));
+  }
+
+  /** Strokes for keys that are shown together. */
+  assign(keys: readonly string[]): Map<string, Stroke> {
+    const given = new Map<string, number>();
+    const used = new Set<number>();
+    const wanting = [...new Set(keys)].sort();
+    for (const key of wanting) {
+      const slot = this.#slots.get(key);
+      if (slot === undefined || used.has(slot)) continue;
+      given.set(key, slot);
+      used.add(slot);
+    }
+    for (const key of wanting) {
+      if (given.has(key)) continue;
+      const slot = freeSlot(hash(key) % COLOURS, used);
+      given.set(key, slot);
+      used.add(slot);
+      this.#slots.set(key, slot);
+    }
+    this.#keep();
+    return new Map(keys.map((key) => [key, strokeOf(given.get(key) ?? 0)]));
+  }
+
+  /** The user's own choice. */
+  choose(key: string, colour: number): void {
+    this.#slots.set(key, colour % COLOURS);
+    this.#keep();
+  }
+
+  #keep(): void {
+    const newest = [...this.#slots].slice(-KEPT);
+    this.keeper?.setItem(this.name, JSON.stringify(newest));
+  }
+}
+
+/** The first free slot from `preferred` on: all colours of one dash pattern before the next pattern. */
+function freeSlot(preferred: number, used: Set<number>): number {
+  for (let dash = 0; dash < DASHES.length; dash++) {
+    for (let step = 0; step < COLOURS; step++) {
+      const slot = dash * COLOURS + ((preferred + step) % COLOURS);
+      if (!used.has(slot)) return slot;
+    }
+  }
+  return preferred;
+}
+
+function strokeOf(slot: number): Stroke {
+  return { colour: slot % COLOURS, dash: DASHES[Math.floor(slot / COLOURS)] ?? [] };
+}
+
+function readPairs(text: string | null | undefined): [string, number][] {
+  try {
+    const pairs: unknown = JSON.parse(text ?? '[]');
+    return Array.isArray(pairs) ? pairs.filter(isPair) : [];
+  } catch {
+    return [];
+  }
+}
+
+function isPair(item: unknown): item is [string, number] {
+  return (
+    Array.isArray(item) &&
+    typeof item[0] === 'string' &&
+    Number.isInteger(item[1]) &&
+    item[1] >= 0 &&
+    item[1] < SLOTS
+  );
+}
+
+/** `#rrggbb` with an opacity of 0 to 1. */
+export function withAlpha(colour: string, alpha: number): string {
+  return (
+    colour +
+    Math.round(alpha * 255)
+      .toString(16)
+      .padStart(2, '0')
+  );
+}
+
+/** Contrast of two `#rrggbb` colours by WCAG 2, 1 to 21. */
+export function contrast(one: string, other: string): number {
+  const [high = 1, low = 1] = [luminance(one), luminance(other)].sort((a, b) => b - a);
+  return (high + 0.05) / (low + 0.05);
+}
+
+function luminance(colour: string): number {
+  const [r = 0, g = 0, b = 0] = [1, 3, 5].map((at) => {
+    const share = parseInt(colour.slice(at, at + 2), 16) / 255;
+    return share <= 0.04045 ? share / 12.92 : ((share + 0.055) / 1.055) ** 2.4;
+  });
+  return 0.2126 * r + 0.7152 * g + 0.0722 * b;
+}
+
+/** A colour between stops, for t in 0..1, mixed linearly in sRGB. */
+export function ramp(stops: readonly string[], t: number): string {
+  const at = Math.min(Math.max(t, 0), 1) * (stops.length - 1);
+  const index = Math.min(Math.floor(at), stops.length - 2);
+  const [low = '#000000', high = '#000000'] = [stops[index], stops[index + 1]];
+  const channels = [1, 3, 5].map((place) => {
+    const [a, b] = [
+      parseInt(low.slice(place, place + 2), 16),
+      parseInt(high.slice(place, place + 2), 16),
+    ];
+    return Math.round(a + (b - a) * (at - index))
+      .toString(16)
+      .padStart(2, '0');
+  });
+  return `#${channels.join('')}`;
+}

@@ -1,0 +1,38 @@
+/** Curves of the server as lines of a chart. */
+
+import type { Series } from '../api/types';
+import type { Line } from '../chart/plan';
+import type { StrokeBook } from '../colour';
+import { plural } from '../format';
+
+export interface Labels {
+  /** What a run is called. */
+  run: (id: string) => string;
+}
+
+/**
+ * Lines with strokes that stay with their group.
+ *
+ * The band is the statistic's; of single runs whose points were put in buckets, it is what the buckets span.
+ */
+export function linesOf(series: readonly Series[], strokes: StrokeBook, labels: Labels): Line[] {
+  const given = strokes.assign(series.map((one) => one.key));
+  return series.map((one) => {
+    const single = one.run_ids.length === 1 && Object.keys(one.group).length === 0;
+    const [low, high] = single ? (one.bucket > 0 ? [one.min, one.max] : []) : [one.low, one.high];
+    return {
+      key: one.key,
+      label: single ? labels.run(one.run_ids[0] ?? '') : groupName(one),
+      stroke: given.get(one.key) ?? { colour: 0, dash: [] },
+      x: one.x,
+      value: one.value,
+      ...(low && high ? { low, high } : {}),
+      ...(single ? {} : { n: one.n }),
+    };
+  });
+}
+
+function groupName({ label, group, run_ids }: Series): string {
+  const parts = Object.entries(group).map(([key, value]) => `${key} ${String(value)}`);
+  return parts.join(', ') || label || plural(run_ids.length, 'run');
+}

@@ -1,0 +1,141 @@
+/** A form of a run's configuration, made from its JSON schema: fields, limits, and values out of text. */
+
+import type { Config, ConfigSchema, ConfigValue, JsonSchemaProperty } from '../api/types';
+import { number } from '../format';
+
+export interface Field {
+  key: string;
+  about: string;
+  kind: 'integer' | 'number' | 'boolean' | 'choice' | 'text';
+  choices: string[];
+  limits: string; // in words, for the hint
+  schema: JsonSchemaProperty;
+}
+
+export interface Section {
+  title: string;
+  open: boolean;
+  fields: Field[];
+}
+
+/* What belongs together; keys that are not named here come last, so that a new one is never missing. */
+const SECTIONS: { title: string; open: boolean; keys: string[] }[] = [
+  { title: 'Run', open: true, keys: ['seed', 'iterations', 'nodes', 'alpha', 'beta', 'robots'] },
+  {
+    title: 'Data of an iteration',
+    open: false,
+    keys: ['episodes', 'steps', 'datasets', 'reward_scale'],
+  },
+  {
+    title: 'Policy update',
+    open: false,
+    keys: [
+      'epochs',
+      'batch',
+      'gamma',
+      'mask_terminals',
+      'learning_rate',
+      'learning_rate_final',
+      'learning_rate_last',
+      'scale_initial',
+    ],
+  },
+  { title: 'Exploration of BQN', open: false, keys: ['epsilon_initial', 'epsilon_final'] },
+];
+const ELSEWHERE = new Set(['task', 'algorithm']);
+
+export function sectionsOf({ schema }: ConfigSchema): Section[] {
+  const rest = new Set(Object.keys(schema.properties).filter((key) => !ELSEWHERE.has(key)));
+  const sections = SECTIONS.map(({ title, open, keys }) => ({
+    title,
+    open,
+    fields: keys.filter((key) => rest.delete(key)).map((key) => fieldOf(schema.properties, key)),
+  }));
+  const others = [...rest].map((key) => fieldOf(schema.properties, key));
+  return [...sections, { title: 'Where and how it runs', open: false, fields: others }].filter(
+    ({ fields }) => fields.length > 0,
+  );
+}
+
+export function fieldOf(properties: Record<string, JsonSchemaProperty>, key: string): Field {
+  const schema = properties[key] ?? {};
+  const kind = schema.enum
+    ? 'choice'
+    : schema.type === 'integer' || schema.type === 'number' || schema.type === 'boolean'
+      ? schema.type
+      : 'text';
+  return {
+    key,
+    about: schema.description ?? '',
+    kind,
+    choices: schema.enum?.map(String) ?? [],
+    limits: limitsOf(schema),
+    schema,
+  };
+}
+
+/** What a task's runs have unless something is changed. */
+export function presetOf(schema: ConfigSchema, task: string): Config {
+  const defaults = Object.fromEntries(
+    Object.entries(schema.schema.properties).map(([key, property]) => [
+      key,
+      property.default ?? null,
+    ]),
+  );
+  return { ...defaults, ...schema.defaults, ...schema.presets[task], task };
+}
+
+/** A value out of what somebody typed, or what is wrong with it. */
+export function parseValue(field: Field, text: string): { value: ConfigValue } | { wrong: string } {
+  const trimmed = text.trim();
+  if (field.kind === 'boolean') {
+    if (!['true', 'false'].includes(trimmed)) return { wrong: 'must be true or false' };
+    return { value: trimmed === 'true' };
+  }
+  if (field.kind === 'choice') {
+    if (!field.choices.includes(trimmed))
+      return { wrong: `must be one of ${field.choices.join(', ')}` };
+    return { value: trimmed };
+  }
+  if (field.kind === 'text') return trimmed ? { value: trimmed } : { wrong: 'must not be empty' };
+  const value = trimmed === '' ? NaN : Number(trimmed);
+  if (!Number.isFinite(value)) return { wrong: 'must be a number' };
+  if (field.kind === 'integer' && !Number.isSafeInteger(value))
+    return { wrong: 'must be a whole number' };
+  return withinLimits(field.schema, value) ? { value } : { wrong: `must be ${field.limits}` };
+}
+
+export function textOf(value: ConfigValue | undefined): string {
+  return value === null || value === undefined ? '' : String(value);
+}
+
+function withinLimits(schema: JsonSchemaProperty, value: number): boolean {
+  return (
+    value >= (schema.minimum ?? -Infinity) &&
+    value <= (schema.maximum ?? Infinity) &&
+    value > (schema.exclusiveMinimum ?? -Infinity) &&
+    value < (schema.exclusiveMaximum ?? Infinity)
+  );
+}
+
+function limitsOf(schema: JsonSchemaProperty): string {
+  const { minimum, maximum, exclusiveMinimum, exclusiveMaximum } = schema;
+  const low =
+    minimum !== undefined
+      ? `at least ${number(minimum, 6)}`
+      : exclusiveMinimum !== undefined
+        ? `above ${number(exclusiveMinimum, 6)}`
+        : '';
+  const high =
+    maximum !== undefined
+      ? `at most ${number(maximum, 6)}`
+      : exclusiveMaximum !== undefined
+        ? `below ${number(exclusiveMaximum, 6)}`
+        : '';
+  return [low, high].filter(Boolean).join(' and ');
+}
+
+/** The keys of a configuration that differ from another one. */
+export function changesFrom(preset: Config, config: Config): Config {
+  return Object.fromEntries(Object.entries(config).filter(([key, value]) => preset[key] !== value));
+}

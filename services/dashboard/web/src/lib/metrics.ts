@@ -1,0 +1,113 @@
+/** What the metrics are called, their units, and which of them a run's page opens with (docs/metrics.md). */
+
+export interface Metric {
+  name: string;
+  title: string;
+  unit: string;
+  about: string;
+}
+
+const KNOWN: Metric[] = [
+  {
+    name: 'return_px',
+    title: 'Return',
+    unit: 'px',
+    about: 'mean over episodes of the sum of rewards, exploration included',
+  },
+  {
+    name: 'length',
+    title: 'Episode length',
+    unit: 'steps',
+    about: 'mean; shorter when episodes fail',
+  },
+  {
+    name: 'loss',
+    title: 'Loss',
+    unit: '',
+    about: 'mean of half the squared error over the last epoch of the update',
+  },
+  {
+    name: 'loss_first',
+    title: 'Loss, first epoch',
+    unit: '',
+    about: 'mean of half the squared error over the first epoch of the update',
+  },
+  {
+    name: 'scale',
+    title: 'Scale λ',
+    unit: '',
+    about: 'factor from integer outputs to action preferences',
+  },
+  {
+    name: 'max_preference',
+    title: 'max |P|',
+    unit: 'scaled reward',
+    about: 'largest action preference over the data',
+  },
+  {
+    name: 'max_target',
+    title: 'max |y|',
+    unit: 'scaled reward',
+    about: 'largest target over the data',
+  },
+  {
+    name: 'saturation',
+    title: 'Saturation',
+    unit: 'share',
+    about: 'targets beyond what the network can express; should stay near 0',
+  },
+  {
+    name: 'epsilon',
+    title: 'Random actions ε',
+    unit: 'share',
+    about: 'share of uniformly random actions (BQN)',
+  },
+  {
+    name: 'failures',
+    title: 'Failures',
+    unit: 'episodes',
+    about: 'ended by the task, not by time',
+  },
+  {
+    name: 'deadline_misses',
+    title: 'Deadline misses',
+    unit: 'steps',
+    about: 'control periods without an action in time',
+  },
+  { name: 'episodes', title: 'Episodes', unit: 'episodes', about: 'new in the iteration' },
+  { name: 'transitions', title: 'Transitions', unit: 'steps', about: 'new in the iteration' },
+  {
+    name: 'updates',
+    title: 'Optimizer steps',
+    unit: '',
+    about: 'of the iteration’s policy update',
+  },
+  {
+    name: 'update_s',
+    title: 'Update time',
+    unit: 's',
+    about: 'seconds that the policy update took',
+  },
+  {
+    name: 'collect_s',
+    title: 'Collection time',
+    unit: 's',
+    about: 'from the hand-out of the first episode to the last on disk',
+  },
+  { name: 'iteration_s', title: 'Iteration time', unit: 's', about: 'the whole iteration' },
+  { name: 'weights_version', title: 'Weights version', unit: '', about: 'policy updates done' },
+];
+
+const BY_NAME = new Map(KNOWN.map((metric) => [metric.name, metric]));
+
+export const PRINCIPAL = ['return_px', 'length', 'loss', 'scale', 'max_preference', 'saturation'];
+
+/** Title and unit of a metric; of an unknown one, the unit is read off the end of its name. */
+export function metricNamed(name: string): Metric {
+  return BY_NAME.get(name) ?? { name, title: name, unit: unitFromName(name), about: '' };
+}
+
+function unitFromName(name: string): string {
+  const unit = /_(px|s|ms|us|ns|bytes|deg|hz|percent)(\.|$)/.exec(name)?.[1];
+  return { us: 'µs', hz: 'Hz', percent: '%' }[unit ?? ''] ?? unit ?? '';
+}

@@ -1,0 +1,82 @@
+import { expect, test } from 'vitest';
+import {
+  advance,
+  changeSpeed,
+  currentFrame,
+  newPlayback,
+  seek,
+  SPEEDS,
+  step,
+  toggle,
+} from './playback';
+import { softmax } from './policy';
+import { append, matches, type LogLine } from './tail';
+
+test('the policy is the softmax of beta P, whatever is added to P', () => {
+  expect(softmax([Math.log(1), Math.log(3)], 1)).toEqual(
+    [0.25, 0.75].map((p) => expect.closeTo(p)),
+  );
+  expect(softmax([1000, 1000 + Math.log(3)], 1)[1]).toBeCloseTo(0.75);
+  expect(softmax([0, Math.log(3)], 2)[1]).toBeCloseTo(0.9);
+});
+
+test('playing shows every frame in its time and stops at the last', () => {
+  let playback = toggle(newPlayback(3, 10));
+  const shown = [];
+  for (let i = 0; i < 5; i += 1) {
+    shown.push(currentFrame(playback));
+    playback = advance(playback, 0.0501);
+  }
+  expect(shown).toEqual([0, 0, 1, 1, 2]);
+  expect(playback).toMatchObject({ playing: false, position: 2 });
+  expect(currentFrame(toggle(playback))).toBe(0); // again from the start
+});
+
+test('half speed takes twice the time', () => {
+  const playback = { ...toggle(newPlayback(100, 10)), speed: 0.5 };
+  expect(currentFrame(advance(playback, 2.01))).toBe(10);
+});
+
+test('stepping pauses on whole frames and stays within the episode', () => {
+  const playing = advance(toggle(newPlayback(4, 10)), 0.15);
+  expect(step(playing, 1)).toMatchObject({ position: 2, playing: false });
+  expect(step(seek(playing, 99), 1).position).toBe(3);
+  expect(step(seek(playing, -5), -1).position).toBe(0);
+});
+
+test('time changes nothing while paused', () => {
+  const paused = seek(newPlayback(10, 10), 4);
+  expect(advance(paused, 100)).toBe(paused);
+});
+
+test('speeds end at both ends', () => {
+  let playback = newPlayback(4, 10);
+  for (let i = 0; i < 9; i += 1) playback = changeSpeed(playback, 1);
+  expect(playback.speed).toBe(SPEEDS.at(-1));
+  for (let i = 0; i < 9; i += 1) playback = changeSpeed(playback, -1);
+  expect(playback.speed).toBe(SPEEDS[0]);
+});
+
+const line = (id: number, level = 'INFO', message = 'text'): LogLine => ({
+  id,
+  timeUnixS: null,
+  level,
+  service: 'edge-0',
+  message,
+});
+
+test('the tail keeps the newest lines, each once', () => {
+  const first = append([], [line(1), line(2), line(3)], 4);
+  const second = append(first, [line(2), line(3), line(4), line(5)], 4);
+  expect(second.map((each) => each.id)).toEqual([2, 3, 4, 5]);
+});
+
+test('a line passes by service, severity and text', () => {
+  const warning = line(1, 'WARNING', 'Frame refused');
+  const everything = { service: '', level: '', search: '' };
+  expect(matches(warning, everything)).toBe(true);
+  expect(matches(warning, { ...everything, level: 'ERROR' })).toBe(false);
+  expect(matches(warning, { ...everything, level: 'INFO' })).toBe(true);
+  expect(matches(warning, { ...everything, search: 'frame r' })).toBe(true);
+  expect(matches(warning, { ...everything, service: 'learner-0' })).toBe(false);
+});
