@@ -4,7 +4,8 @@ import argparse
 import logging
 import sys
 
-from bpn.commands import bench, doctor, evaluate, train, up
+from bpn.commands import bench, dashboard, doctor, evaluate, train, up
+from bpn.dashboard import DashboardAwayError, DashboardError
 from bpn.local_run import RunFailedError
 from bpn_shared.bnn.blob import BlobError
 from bpn_shared.config import ConfigError
@@ -18,7 +19,7 @@ def build_parser() -> argparse.ArgumentParser:
         prog="bpn", description="Reinforcement learning of robot control with binarized networks."
     )
     subparsers = parser.add_subparsers(required=True, metavar="COMMAND")
-    for command in (up, train, evaluate, bench, doctor):
+    for command in (up, train, evaluate, dashboard, bench, doctor):
         command.add(subparsers)
     return parser
 
@@ -35,7 +36,7 @@ def main(argv: list[str] | None = None) -> int:
     except (ConfigError, BlobError) as error:
         print(f"bpn: {error}", file=sys.stderr)
         return 2
-    except RunFailedError as error:
+    except (RunFailedError, DashboardError, DashboardAwayError) as error:
         print(f"bpn: {error}", file=sys.stderr)
         return 1
     except KeyboardInterrupt:

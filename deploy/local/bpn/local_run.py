@@ -1,4 +1,4 @@
-"""One run on this machine, from its folder to its end: supervisor, progress, summary."""
+"""One run from its folder to its end, with progress: by processes of its own, or by the dashboard's workers."""
 
 import contextlib
 import logging
@@ -6,6 +6,7 @@ import secrets
 import sys
 import tempfile
 import threading
+import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -15,6 +16,7 @@ import uuid_utils
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
+from bpn.dashboard import Dashboard, DashboardAwayError
 from bpn.supervisor import Supervisor, services_of_run
 from bpn_shared.bus.metrics import MetricsSubscriber
 from bpn_shared.bus.session import Bus
@@ -23,6 +25,12 @@ from bpn_shared.messages.metrics import MetricsBatch
 from bpn_shared.run_folder import RunFolder, State
 
 log = logging.getLogger(__name__)
+
+
+_POLL_S = 0.2
+_QUEUED_S = 3.0
+_STOP_S = 10.0
+_AWAY_S = 60.0
 
 
 class RunFailedError(RuntimeError):
@@ -73,6 +81,49 @@ def execute(
     if supervisor.failure:
         reason = folder.state().error
         raise RunFailedError(f"{supervisor.failure} in {folder.logs}\n{reason}".rstrip())
+
+
+def follow(dashboard: Dashboard, folder: RunFolder, *, stop: threading.Event, out: Console) -> None:
+    """Shows a run of the dashboard's workers until it is over; when `stop` is set, stops it.
+
+    Prints what `execute` does.
+
+    Raises:
+        RunFailedError: the run failed, or the dashboard is gone.
+    """
+    with _display(folder, folder.config(), dashboard.endpoint, stop, out):
+        _wait_until_over(dashboard, str(folder.run), stop, out)
+    state = folder.state()
+    if state.state == "failed":
+        raise RunFailedError(f"run {folder.run} failed: {state.error}")
+
+
+def _wait_until_over(
+    dashboard: Dashboard, run_id: str, stop: threading.Event, out: Console
+) -> None:
+    begin_s = answered_s = time.monotonic()
+    said_queued = False
+    stopped_s: float | None = None
+    while stopped_s is None or time.monotonic() - stopped_s < _STOP_S:
+        try:
+            if stop.is_set() and stopped_s is None:
+                stopped_s = time.monotonic()
+                dashboard.stop(run_id)
+            state = dashboard.run(run_id)["state"]
+            answered_s = time.monotonic()
+        except DashboardAwayError as error:
+            if stopped_s is not None or time.monotonic() - answered_s > _AWAY_S:
+                raise RunFailedError(f"{error}; the run goes on where it has workers") from error
+            state = "running"
+        if state in ("finished", "failed", "stopped"):
+            return
+        if state == "queued" and not said_queued and time.monotonic() - begin_s > _QUEUED_S:
+            out.print(f"waits for workers; {dashboard.url} shows what they do")
+            said_queued = True
+        if stopped_s is None:
+            stop.wait(_POLL_S)
+        else:
+            time.sleep(_POLL_S)
 
 
 @contextlib.contextmanager

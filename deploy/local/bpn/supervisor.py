@@ -1,4 +1,4 @@
-"""Runs the services of one run as processes, restarts those that die, and stops all of them."""
+"""Runs services as processes, restarts those that die, and stops all of them."""
 
 import logging
 import os
@@ -35,6 +35,10 @@ class Service:
     arguments: Sequence[str]
     core: int | None = None
     """The only core that it may run on; None: any."""
+    essential: bool = True
+    """Whether the others are of no use without it."""
+    speaks: bool = False
+    """Whether its standard output is for the user, not for the log."""
     process: subprocess.Popen[bytes] | None = None
     started_s: float = 0.0
     deaths: int = 0
@@ -70,7 +74,7 @@ class Supervisor:
             service.process = subprocess.Popen(  # noqa: S603 - our own modules
                 [sys.executable, "-m", *service.arguments],
                 stdin=subprocess.DEVNULL,
-                stdout=output,
+                stdout=None if service.speaks else output,
                 stderr=output,
                 env={**os.environ, **quiet_threads(), SUPERVISOR_PID: str(os.getpid())},
                 start_new_session=True,  # Ctrl-C goes to us alone, and we stop them in order
@@ -105,6 +109,7 @@ class Supervisor:
         how = f"signal {signal.Signals(-status).name}" if status < 0 else f"exit status {status}"
         if status == EXIT_UNRECOVERABLE or service.deaths >= GIVE_UP_AFTER:
             service.failure = f"{service.name} ended with {how}; see {service.name}.log"
+            log.error("%s in %s", service.failure, self._logs)
             return
         delay_s = min(BACKOFF_FIRST_S * 2 ** (service.deaths - 1), BACKOFF_MAX_S)
         service.restart_at_s = now_s + delay_s
@@ -112,8 +117,9 @@ class Supervisor:
 
     @property
     def failure(self) -> str:
-        """Why the run cannot go on, or an empty string."""
-        return next((service.failure for service in self.services if service.failure), "")
+        """Why the services cannot go on, or an empty string."""
+        failures = (service.failure for service in self.services if service.essential)
+        return next((failure for failure in failures if failure), "")
 
     def service(self, name: str) -> Service:
         """The service of that name.
@@ -134,18 +140,20 @@ class Supervisor:
     def stop(self) -> None:
         """Ends all processes: SIGTERM, and SIGKILL for what is left after the grace time.
 
-        In reverse order of the services: the router, which is first, goes last.
+        The router, which is first, is ended when the others have gone: closing a session with a router
+        that does not answer any more takes 10 s.
         """
-        running = [s.process for s in reversed(self.services) if s.process is not None]
-        for process in running:
-            process.terminate()
         deadline_s = time.monotonic() + STOP_GRACE_S
-        for process in running:
-            try:
-                process.wait(max(0.0, deadline_s - time.monotonic()))
-            except subprocess.TimeoutExpired:
-                process.kill()
-                process.wait()
+        for services in (self.services[1:], self.services[:1]):
+            running = [service.process for service in services if service.process is not None]
+            for process in running:
+                process.terminate()
+            for process in running:
+                try:
+                    process.wait(max(0.1, deadline_s - time.monotonic()))
+                except subprocess.TimeoutExpired:
+                    process.kill()
+                    process.wait()
         for service in self.services:
             service.process = None
 

@@ -27,6 +27,7 @@ from bpn_dashboard.api.problems import ApiError
 from bpn_dashboard.database.engine import Database, DatabaseError, sqlite_url
 from bpn_dashboard.hub.hub import Hub
 from bpn_dashboard.hub.websocket import UVICORN_OPTIONS, live_route
+from bpn_dashboard.registry.dispatcher import Dispatcher
 from bpn_dashboard.registry.store import RunStore
 from bpn_dashboard.series.ingest import Ingest
 from bpn_shared.bus.session import DEFAULT_ENDPOINT, Bus, BusError
@@ -84,6 +85,11 @@ def argument_parser() -> argparse.ArgumentParser:
         help="write a token for who reads /metrics here",
     )
     return parser
+
+
+def database_url(options: argparse.Namespace) -> str:
+    """The database that the options name, or the one in the runs folder."""
+    return options.database or sqlite_url(options.runs_dir / ".dashboard.sqlite")
 
 
 def check_options(options: argparse.Namespace) -> None:
@@ -165,7 +171,10 @@ async def _join_bus(
         log.info("%s", error)
         return
     live.hub = Hub(bus, options.runs_dir, context.counters, secrets.token_hex(8))
+    dispatcher = Dispatcher(bus, context.runs, context.counters)
+    await asyncio.to_thread(dispatcher.start)
     await asyncio.to_thread(stop.wait)
+    await asyncio.to_thread(dispatcher.close)
     live.hub.close()
     await asyncio.to_thread(bus.close)
 
@@ -181,7 +190,7 @@ def main(argv: list[str] | None = None) -> int:
         first_run = RunConfig.for_task(options.first_run) if options.first_run else None
         listener = _listen(options.host, options.port)
         options.runs_dir.mkdir(parents=True, exist_ok=True)
-        database = Database(options.database or sqlite_url(options.runs_dir / ".dashboard.sqlite"))
+        database = Database(database_url(options))
     except (ConfigError, DatabaseError) as error:
         log.error("%s", error)
         return 2

@@ -1,17 +1,26 @@
-"""`bpn train`: one run from beginning to end, or from where it was interrupted."""
+"""`bpn train`: one run from beginning to end, or from where it was interrupted.
+
+Where a dashboard runs on the same runs folder, its workers do it; otherwise processes of its own.
+"""
 
 import argparse
 import json
 import sys
+import time
+from http import HTTPStatus
 
 from rich.console import Console
 
-from bpn.local_run import execute, new_run, private_endpoint
+from bpn.dashboard import Dashboard, DashboardError
+from bpn.local_run import execute, follow, new_run, private_endpoint
 from bpn.options import add_run_options, add_runs_dir, config_from, given_run_options
 from bpn.summary import summarize
 from bpn_shared.config import PRESETS, ConfigError
 from bpn_shared.run_folder import RunFolder
 from bpn_shared.service import stop_on_signals
+
+_NOTICED_S = 8.0
+_AGAIN_S = 0.5
 
 
 def add(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
@@ -26,14 +35,18 @@ def add(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> No
 
 def run(options: argparse.Namespace) -> int:
     """Trains; exit status 130 if interrupted, with a folder that `--resume` takes."""
-    folder = _folder(options)
+    dashboard = Dashboard.find(options.runs_dir)
+    folder = _folder(options, dashboard)
     config = folder.config()
     out = Console(file=sys.stderr if options.json else sys.stdout)
     out.print(
         f"run {folder.run} ({config.algorithm}, {config.task}, seed {config.seed}) in {folder.path}"
     )
     stop = stop_on_signals()
-    execute(folder, endpoint=private_endpoint(), stop=stop, out=out)
+    if dashboard is None:
+        execute(folder, endpoint=private_endpoint(), stop=stop, out=out)
+    else:
+        follow(dashboard, folder, stop=stop, out=out)
     summary = summarize(folder)
     if options.json:
         print(json.dumps(summary))
@@ -48,12 +61,32 @@ def run(options: argparse.Namespace) -> int:
     return 130
 
 
-def _folder(options: argparse.Namespace) -> RunFolder:
+def _folder(options: argparse.Namespace, dashboard: Dashboard | None) -> RunFolder:
     if options.resume is None:
         if options.task is None:
             raise ConfigError(f"TASK is missing; one of: {', '.join(PRESETS)}, or --resume RUN")
-        return new_run(options.runs_dir, config_from(options))
+        config = config_from(options)
+        if dashboard is None:
+            return new_run(options.runs_dir, config)
+        run = dashboard.create_run(config.model_dump())
+        return RunFolder.open(options.runs_dir, run["id"])
     given = ["TASK"] * (options.task is not None) + [f"--{n}" for n in given_run_options(options)]
     if given:
         raise ConfigError(f"a resumed run keeps its configuration: leave out {', '.join(given)}")
-    return RunFolder.open(options.runs_dir, options.resume)
+    folder = RunFolder.open(options.runs_dir, options.resume)
+    if dashboard is not None:
+        _resume(dashboard, str(folder.run))
+    return folder
+
+
+def _resume(dashboard: Dashboard, run_id: str) -> None:
+    """Resumes a run that the dashboard may have to notice first: its folder may be new to it."""
+    deadline_s = time.monotonic() + _NOTICED_S
+    while True:
+        try:
+            dashboard.resume(run_id)
+            return
+        except DashboardError as error:
+            if error.status != HTTPStatus.NOT_FOUND or time.monotonic() > deadline_s:
+                raise
+        time.sleep(_AGAIN_S)

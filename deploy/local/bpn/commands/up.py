@@ -1,17 +1,105 @@
-"""`bpn up`: everything, with the default run: the paper's reaching task."""
+"""`bpn up`: the dashboard, and workers that do what is started there."""
 
 import argparse
+import sys
+import threading
+import time
+from pathlib import Path
 
-from bpn.commands import train
+from bpn.dashboard import Dashboard, DashboardAwayError
+from bpn.local_run import RunFailedError, private_endpoint
 from bpn.options import add_runs_dir
+from bpn.pool import PoolSize, services_of_pool
+from bpn.supervisor import Supervisor
+from bpn_shared.config import ConfigError
+from bpn_shared.service import stop_on_signals
+
+DEFAULT_TASK = "reaching"
+_CHECK_S = 0.05
+_LOOK_S = 0.5
 
 
 def add(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
-    parser = subparsers.add_parser("up", help="start everything with the default run")
+    parser = subparsers.add_parser(
+        "up", help="start the dashboard and workers", description=__doc__
+    )
+    for name, default in (("learners", "1"), ("robots", "as learners"), ("edges", "as robots")):
+        parser.add_argument(
+            f"--{name}", type=int, metavar="N", help=f"how many {name} (default {default})"
+        )
+    parser.add_argument("--port", type=int, default=8000, help="0: any free one (%(default)s)")
+    parser.add_argument(
+        "--listen", metavar="ENDPOINT",
+        help="the router's endpoint, for workers elsewhere (default: a private Unix socket)",
+    )  # fmt: skip
     add_runs_dir(parser)
-    parser.set_defaults(run=run, task="reaching", resume=None, json=False)
+    parser.set_defaults(run=run)
 
 
 def run(options: argparse.Namespace) -> int:
-    """Trains the default run, attached to the terminal."""
-    return train.run(options)
+    """Runs until it is interrupted: exit status 130, and runs that go on at the next `bpn up`.
+
+    Raises:
+        ConfigError: an option is wrong, or a dashboard runs there already.
+        RunFailedError: router or dashboard failed for good.
+    """
+    running = Dashboard.find(options.runs_dir)
+    if running is not None:
+        raise ConfigError(
+            f"the runs in {options.runs_dir} have a dashboard already, at {running.url}: "
+            "stop it or choose another --runs-dir"
+        )
+    logs = options.runs_dir / ".logs"
+    endpoint = options.listen or private_endpoint()
+    supervisor = Supervisor(
+        services_of_pool(_size(options), options.runs_dir, endpoint, ["--port", str(options.port)]),
+        logs,
+    )
+    stop = stop_on_signals()
+    try:
+        supervisor.start()
+        _supervise(supervisor, options.runs_dir, stop)
+    finally:
+        supervisor.stop()
+    if supervisor.failure:
+        raise RunFailedError(f"{supervisor.failure} in {logs}\n{_last_line(supervisor, logs)}")
+    print("stopped; runs that were not finished go on with: bpn up", file=sys.stderr)
+    return 130
+
+
+def _size(options: argparse.Namespace) -> PoolSize:
+    learners = 1 if options.learners is None else options.learners
+    robots = max(1, learners) if options.robots is None else options.robots
+    edges = robots if options.edges is None else options.edges
+    for name, count in (("learners", learners), ("robots", robots), ("edges", edges)):
+        if not 0 <= count <= 64:
+            raise ConfigError(f"--{name} = {count} must be 0 to 64")
+    return PoolSize(robots, edges, learners)
+
+
+def _supervise(supervisor: Supervisor, runs_dir: Path, stop: threading.Event) -> None:
+    """Keeps the services running; once the dashboard answers, gives it a first run."""
+    look_at_s: float | None = time.monotonic()
+    while not (supervisor.failure or stop.wait(_CHECK_S)):
+        supervisor.check()
+        if look_at_s is not None and time.monotonic() >= look_at_s:
+            look_at_s = None if _has_first_run(runs_dir) else time.monotonic() + _LOOK_S
+
+
+def _has_first_run(runs_dir: Path) -> bool:
+    """Whether there is a run, now at the latest; False while the dashboard does not answer."""
+    dashboard = Dashboard.find(runs_dir)
+    if dashboard is None:
+        return False
+    try:
+        if dashboard.run_count() == 0:
+            dashboard.create_run({"task": DEFAULT_TASK}, name="first run")
+    except DashboardAwayError:
+        return False
+    return True
+
+
+def _last_line(supervisor: Supervisor, logs: Path) -> str:
+    failed = next(service for service in supervisor.services if service.failure)
+    lines = (logs / f"{failed.name}.log").read_text(errors="replace").splitlines()
+    return lines[-1] if lines else ""

@@ -1,0 +1,49 @@
+"""`bpn dashboard`: care of the dashboard's database."""
+
+import argparse
+import sys
+
+from bpn.dashboard import Dashboard
+from bpn.options import add_runs_dir
+from bpn_dashboard.database.engine import Database, DatabaseError
+from bpn_dashboard.registry.store import RunStore
+from bpn_dashboard.service import database_url
+from bpn_shared.config import ConfigError
+
+
+def add(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+    parser = subparsers.add_parser(
+        "dashboard", help="care of the dashboard's database", description=__doc__
+    )
+    actions = parser.add_subparsers(required=True, metavar="ACTION")
+    action = actions.add_parser(
+        "reindex",
+        help="rebuild the database from the run folders",
+        description="Makes the database say what the run folders say, which are the truth. Tokens stay.",
+    )
+    add_runs_dir(action)
+    action.add_argument("--database", metavar="URL", help="as the dashboard's own option")
+    action.set_defaults(run=reindex)
+
+
+def reindex(options: argparse.Namespace) -> int:
+    """Rebuilds; exit status 1 if a folder could not be read.
+
+    Raises:
+        ConfigError: a dashboard is running on these runs, or the database cannot be used.
+    """
+    running = Dashboard.find(options.runs_dir)
+    if running is not None:
+        raise ConfigError(f"the dashboard at {running.url} uses the database: stop it first")
+    if not options.runs_dir.is_dir():
+        raise ConfigError(f"--runs-dir {options.runs_dir}: there is no such folder")
+    try:
+        database = Database(database_url(options))
+    except DatabaseError as error:
+        raise ConfigError(str(error)) from error
+    result = RunStore(database, options.runs_dir).index.rebuild()
+    database.close()
+    print(f"{result.runs} runs and {result.sweeps} sweeps indexed, {result.removed} removed")
+    for reason in result.damaged:
+        print(f"left out: {reason}", file=sys.stderr)
+    return 1 if result.damaged else 0
