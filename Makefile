@@ -52,7 +52,7 @@ clean:           ## remove what `make` installed and built; runs stay
 # The compiled kernels and the web UI are part of the editable installs, so their sources are among the prerequisites.
 $(INSTALLED): constraints.txt pyproject.toml $(PACKAGES:%=%/pyproject.toml) \
               $(foreach s,edge learner,services/$(s)/CMakeLists.txt $(wildcard services/$(s)/src/*)) \
-              services/dashboard/hatch_build.py $(shell find services/dashboard/web -type f -not -path '*/node_modules/*')
+              services/dashboard/hatch_build.py $(shell find services/dashboard/web -type f -not -path '*/node_modules/*' -not -path '*/generated/*')
 	sh deploy/local/check-system.sh $(PYTHON)
 	$(PYTHON) -m venv $(VENV)
 	$(PIP_INSTALL) pip

@@ -23,7 +23,7 @@ HERE = Path(__file__).resolve().parent
 WEB = HERE / "web"
 STATIC = HERE / "bpn_dashboard" / "static"
 STAMP = STATIC / ".sources"
-NOT_SOURCES = {"node_modules", ".svelte-kit"}
+NOT_SOURCES = {"node_modules", "generated"}
 NODE_MINIMUM = (20, 19)
 
 

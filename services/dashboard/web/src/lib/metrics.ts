@@ -15,6 +15,12 @@ const KNOWN: Metric[] = [
     about: 'mean over episodes of the sum of rewards, exploration included',
   },
   {
+    name: 'return',
+    title: 'Return',
+    unit: '',
+    about: 'mean over episodes of the sum of rewards, in the environment’s own unit',
+  },
+  {
     name: 'length',
     title: 'Episode length',
     unit: 'steps',

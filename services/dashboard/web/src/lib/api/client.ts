@@ -73,7 +73,7 @@ export class ApiClient {
 
   runs = {
     page: (query: t.RunQuery, signal?: AbortSignal) =>
-      this.get<t.Page<t.Run>>('/runs', runQuery(query), signal),
+      this.get<t.RunPage>('/runs', runQuery(query), signal),
     get: (id: string, signal?: AbortSignal) => this.get<t.Run>(`/runs/${id}`, undefined, signal),
     create: (config: t.Config, about: { name?: string; notes?: string; tags?: string[] }) =>
       this.post<t.Run>('/runs', { config, ...about }, idempotency()),
@@ -90,7 +90,7 @@ export class ApiClient {
     bulk: (action: t.BulkAction, ids: string[]) =>
       this.post<{ results: t.BulkResult[] }>('/runs/bulk', { action, ids }),
     metrics: (id: string, signal?: AbortSignal) =>
-      this.get<{ names: t.MetricName[] }>(`/runs/${id}/metrics`, undefined, signal),
+      this.get<t.MetricNames>(`/runs/${id}/metrics`, undefined, signal),
     configDiff: (id: string, other: string, signal?: AbortSignal) =>
       this.get<t.ConfigDiff>(`/runs/${id}/config-diff`, { other }, signal),
   };

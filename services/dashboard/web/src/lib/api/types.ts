@@ -1,52 +1,25 @@
-/** What the REST interface carries. Times are Unix seconds, pixels are pixels of the 84 x 84 frame. */
+/**
+ * What the REST interface carries: types generated from the server's own description (`npm run types`), with
+ * configurations and groups as what they hold. Times are Unix seconds, pixels are pixels of the 84 x 84 frame.
+ */
 
-export type RunState =
-  'queued' | 'running' | 'stopping' | 'finished' | 'failed' | 'stopped' | 'lost';
+import type { components } from '../../../generated/api';
 
-export type Role = 'viewer' | 'operator' | 'admin';
+type Schemas = components['schemas'];
+
 export type ConfigValue = string | number | boolean | null;
 export type Config = Record<string, ConfigValue>;
 
-export interface Session {
-  name: string;
-  role: Role;
-}
+export type Session = Schemas['Session'];
+export type Role = Session['role'];
 
-export interface Run {
-  id: string;
-  name: string;
-  state: RunState;
-  desired_state: 'running' | 'stopped';
-  task: string;
-  algorithm: string;
-  seed: number;
-  config: Config;
-  config_hash: string;
-  attempt: number;
-  iteration: number;
-  iterations: number;
-  weights_version: number | null;
-  summary: {
-    return_px: { last: number | null; best: number | null; mean_last_5: number | null };
-    length: { last: number | null };
-  };
-  error: string;
-  notes: string;
-  tags: string[];
-  sweep_id: string | null;
-  archived_at_unix_s: number | null;
-  created_at_unix_s: number;
-  updated_at_unix_s: number;
-  rev: number;
-}
-
-export interface Page<Item> {
-  items: Item[];
-  next_cursor: string | null;
-  total: number;
-}
-
-export type SweepPage = Omit<Page<Sweep>, 'total'>;
+export type Run = Omit<Schemas['Run'], 'config'> & { config: Config };
+export type RunState = Run['state'];
+export type RunPage = Omit<Schemas['RunPage'], 'items'> & { items: Run[] };
+export type BulkAction = Schemas['BulkAction']['action'];
+export type BulkResult = Schemas['BulkResult'];
+export type MetricNames = Schemas['MetricNames'];
+export type ConfigDiff = Schemas['ConfigDiff'];
 
 /** Filters, order and page of a list of runs; keys of `config` are configuration keys. */
 export interface RunQuery {
@@ -62,112 +35,58 @@ export interface RunQuery {
   cursor?: string;
 }
 
-export type BulkAction = 'stop' | 'resume' | 'archive' | 'unarchive';
-
-export interface BulkResult {
-  id: string;
-  ok: boolean;
-  problem?: { title: string; detail?: string } | null;
-}
-
-export interface Sweep {
-  id: string;
-  name: string;
+export type Sweep = Omit<Schemas['Sweep'], 'config' | 'grid' | 'states'> & {
   config: Config;
   grid: Record<string, ConfigValue[]>;
-  seeds: number[];
-  run_ids: string[];
   states: Partial<Record<RunState, number>>;
-  created_at_unix_s: number;
-}
+};
+export type SweepPage = Omit<Schemas['SweepPage'], 'items'> & { items: Sweep[] };
 
+/** One property of the configuration's JSON schema, as far as forms use it. */
 export interface JsonSchemaProperty {
   type?: 'string' | 'integer' | 'number' | 'boolean';
   enum?: ConfigValue[];
-  const?: ConfigValue;
   default?: ConfigValue;
   description?: string;
-  title?: string;
   minimum?: number;
   maximum?: number;
   exclusiveMinimum?: number;
   exclusiveMaximum?: number;
 }
 
-export interface ConfigSchema {
+export type ConfigSchema = Pick<Schemas['ConfigSchema'], 'tasks'> & {
   schema: { properties: Record<string, JsonSchemaProperty> };
   presets: Record<string, Config>;
-  tasks: { name: string; title: string }[];
   defaults: Config;
-}
+};
 
-export interface ConfigDiff {
-  same: number;
-  differences: { key: string; this: ConfigValue; other: ConfigValue }[];
-}
-
-export type HeatmapValue = 'best_mean' | 'last_mean';
-
-export interface Heatmap {
+export type HeatmapCell = Omit<Schemas['HeatmapCell'], 'x' | 'y'> & {
+  x: ConfigValue;
+  y: ConfigValue;
+};
+export type Heatmap = Pick<Schemas['Heatmap'], 'metric' | 'value'> & {
   x: { key: string; values: ConfigValue[] };
   y: { key: string; values: ConfigValue[] };
   cells: HeatmapCell[];
-}
-
-export interface HeatmapCell {
-  x: ConfigValue;
-  y: ConfigValue;
-  n: number;
-  mean: number | null;
-  std: number | null;
-  run_ids: string[];
-}
-
-export type XAxis = 'iteration' | 'wall_s' | 'transitions';
-export type Statistic = 'mean' | 'median' | 'iqm';
-export type Band = 'std' | 'sem' | 'ci95' | 'minmax';
-
-export interface SeriesQuery {
-  runs?: string[];
-  filter?: Record<string, string | boolean>;
-  group_by: string[] | 'all_but_seed' | null;
-  metrics: string[];
-  x: XAxis;
-  range: [number, number] | null;
-  max_points: number;
-  statistic: Statistic;
-  band: Band;
-}
+};
+export type HeatmapValue = 'best_mean' | 'last_mean';
 
 export type Column = (number | null)[];
 
-/** One line of a chart: a run, or a group of runs with its band. `n` is how many runs stand behind a point. */
-export interface Series {
-  metric: string;
-  /** The same for the same group whatever else is shown. */
-  key: string;
-  label: string;
-  group: Record<string, ConfigValue>;
-  run_ids: string[];
-  n_points: number;
-  /** Width of a bucket in x; 0: points as they are. */
-  bucket: number;
-  x: Column;
-  n: Column;
-  value: Column;
-  low: Column;
-  high: Column;
-  min: Column;
-  max: Column;
-  last: Column;
-}
+/** Curves to draw: of `runs`, or of all that meet `filter`. */
+export type SeriesQuery = Omit<
+  Required<Schemas['SeriesQuery']>,
+  'runs' | 'filter' | 'group_by' | 'range'
+> & {
+  runs?: string[];
+  filter?: Record<string, string | boolean>;
+  group_by: string[] | 'all_but_seed' | null;
+  range: [number, number] | null;
+};
+export type XAxis = SeriesQuery['x'];
+export type Statistic = SeriesQuery['statistic'];
+export type Band = SeriesQuery['band'];
 
-export interface SeriesAnswer {
-  series: Series[];
-  seq: number;
-}
-
-export interface MetricName {
-  name: string;
-  n: number;
-}
+/** One line of a chart: a run, or a group of runs with its band; `n` is how many runs stand behind a point. */
+export type Series = Omit<Schemas['SeriesShown'], 'group'> & { group: Config };
+export type SeriesAnswer = Omit<Schemas['SeriesAnswer'], 'series'> & { series: Series[] };

@@ -102,7 +102,9 @@ export function parseValue(field: Field, text: string): { value: ConfigValue } |
   if (!Number.isFinite(value)) return { wrong: 'must be a number' };
   if (field.kind === 'integer' && !Number.isSafeInteger(value))
     return { wrong: 'must be a whole number' };
-  return withinLimits(field.schema, value) ? { value } : { wrong: `must be ${field.limits}` };
+  return withinLimits(field.schema, value)
+    ? { value }
+    : { wrong: `must be ${/^\d/.test(field.limits) ? 'from ' : ''}${field.limits}` };
 }
 
 export function textOf(value: ConfigValue | undefined): string {
@@ -118,24 +120,19 @@ function withinLimits(schema: JsonSchemaProperty, value: number): boolean {
   );
 }
 
+const BEYOND_NEED = 1e15; // a limit that nobody meets is no help
+
 function limitsOf(schema: JsonSchemaProperty): string {
   const { minimum, maximum, exclusiveMinimum, exclusiveMaximum } = schema;
-  const low =
-    minimum !== undefined
-      ? `at least ${number(minimum, 6)}`
-      : exclusiveMinimum !== undefined
-        ? `above ${number(exclusiveMinimum, 6)}`
-        : '';
-  const high =
-    maximum !== undefined
-      ? `at most ${number(maximum, 6)}`
-      : exclusiveMaximum !== undefined
-        ? `below ${number(exclusiveMaximum, 6)}`
-        : '';
-  return [low, high].filter(Boolean).join(' and ');
-}
-
-/** The keys of a configuration that differ from another one. */
-export function changesFrom(preset: Config, config: Config): Config {
-  return Object.fromEntries(Object.entries(config).filter(([key, value]) => preset[key] !== value));
+  const text = (value: number): string => number(value, 6);
+  if (minimum !== undefined && maximum !== undefined) return `${text(minimum)} to ${text(maximum)}`;
+  const limits = [
+    minimum !== undefined ? `at least ${text(minimum)}` : '',
+    exclusiveMinimum !== undefined ? `above ${text(exclusiveMinimum)}` : '',
+    maximum !== undefined ? `at most ${text(maximum)}` : '',
+    exclusiveMaximum !== undefined && exclusiveMaximum < BEYOND_NEED
+      ? `below ${text(exclusiveMaximum)}`
+      : '',
+  ];
+  return limits.filter(Boolean).join(', ');
 }

@@ -1,7 +1,7 @@
 /** A long list of runs, read page by page as far as somebody looks, and kept up to date in place. */
 
 import { asProblem, type Problem } from '../api/problem';
-import type { Page, Run, RunQuery } from '../api/types';
+import type { Run, RunPage, RunQuery } from '../api/types';
 import { Value, type Observable } from '../observable';
 
 export const PAGE_SIZE = 200;
@@ -16,7 +16,7 @@ export interface RunsState {
   newer: number;
 }
 
-export type Fetch = (query: RunQuery, signal: AbortSignal) => Promise<Page<Run>>;
+export type Fetch = (query: RunQuery, signal: AbortSignal) => Promise<RunPage>;
 
 export class RunList {
   readonly #state = new Value<RunsState>({
