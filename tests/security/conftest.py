@@ -1,55 +1,21 @@
 """A router with certificates and access control in a process of its own, and sessions of every role."""
 
-import os
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
-from pathlib import Path, PurePosixPath
+from pathlib import PurePosixPath
 
 import pytest
+from secure_router import SecureRouter
 
 from bpn_certificates import authority as x509
-from bpn_certificates.authority import Identity, Validity
+from bpn_certificates.authority import Validity
 from bpn_certificates.folders import make
-from bpn_shared.bus.certificates import AUTHORITY, CERTIFICATE, FOLDER_VARIABLE, KEY
 from bpn_shared.bus.router_config import render, secure
 from bpn_shared.bus.session import Bus
 
 OBSERVER = "observer"
 """Sees and may do everything, so that it can tell what got through; only this router knows it."""
-
-
-@dataclass(frozen=True)
-class SecureRouter:
-    endpoint: str
-    certificates: Path
-
-    @property
-    def authority(self) -> Identity:
-        folder = self.certificates / "authority"
-        return Identity.from_pem((folder / CERTIFICATE).read_bytes(), (folder / KEY).read_bytes())
-
-    def issue(self, name: str, identity: Identity, trusted: Identity | None = None) -> Path:
-        """A folder with an identity's certificate, as services expect it."""
-        folder = self.certificates / name
-        folder.mkdir()
-        (folder / AUTHORITY).write_bytes((trusted or self.authority).certificate_pem())
-        (folder / CERTIFICATE).write_bytes(identity.certificate_pem())
-        (folder / KEY).write_bytes(identity.key_pem())
-        return folder
-
-    def open_as(self, name: str, deadline_s: float = 10.0) -> Bus:
-        """A session with the certificates in the folder of that name."""
-        before = os.environ.get(FOLDER_VARIABLE)
-        os.environ[FOLDER_VARIABLE] = str(self.certificates / name)
-        try:
-            return Bus(self.endpoint, deadline_s=deadline_s)
-        finally:
-            if before is None:
-                del os.environ[FOLDER_VARIABLE]
-            else:
-                os.environ[FOLDER_VARIABLE] = before
 
 
 @pytest.fixture(scope="module")

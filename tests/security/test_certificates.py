@@ -4,10 +4,10 @@ import datetime
 import json
 import stat
 from pathlib import Path
-from typing import Protocol
 
 import pytest
 import zenoh
+from secure_router import SecureRouter
 
 from bpn_certificates import authority as x509
 from bpn_certificates.authority import Identity, Validity
@@ -22,19 +22,6 @@ from bpn_shared.bus.certificates import (
     CertificateError,
 )
 from bpn_shared.bus.session import Bus, BusError
-
-
-class SecureRouter(Protocol):
-    """The fixture `router`."""
-
-    endpoint: str
-    certificates: Path
-
-    @property
-    def authority(self) -> Identity: ...
-    def issue(self, name: str, identity: Identity, trusted: Identity | None = None) -> Path: ...
-    def open_as(self, name: str, deadline_s: float = 10.0) -> Bus: ...
-
 
 REFUSED_AFTER_S = 1.0
 DAY = Validity.of_days(1)

@@ -4,10 +4,10 @@ import os
 import subprocess
 import sys
 from pathlib import Path
-from typing import Protocol
 from uuid import UUID
 
 import uuid_utils
+from secure_router import SecureRouter
 
 from bpn_shared.bus.certificates import FOLDER_VARIABLE
 from bpn_shared.config import RunConfig
@@ -16,11 +16,6 @@ from bpn_shared.run_folder import RunFolder
 CONFIG = RunConfig.for_task(
     "reaching", seed=3, iterations=2, episodes=4, epochs=1, nodes=8, datasets=1, robots=2
 )
-
-
-class SecureRouter(Protocol):
-    endpoint: str
-    certificates: Path
 
 
 def test_a_run_finishes_under_access_control(router: SecureRouter, tmp_path: Path) -> None:
