@@ -14,7 +14,9 @@ from bpn_shared.messages import episode
 from bpn_shared.messages.base import MAX_CONTROL_BYTES
 
 Role = Literal["dashboard", "learner", "edge", "robot_sim"]
-"""Whom a certificate may name. The router's own is none of these: it opens no session."""
+"""Whom a service's certificate may name."""
+ROUTER = "router"
+"""Whom a router's certificate names."""
 
 ROLES: tuple[Role, ...] = get_args(Role)
 WORKERS: tuple[Role, ...] = ("learner", "edge", "robot_sim")
@@ -93,6 +95,7 @@ _RIGHTS: dict[str, tuple[_Rights, _Rights]] = {
 }
 
 EVERYTHING = "bpn/**"
+"""What one router passes on to another."""
 
 CHANNELS: tuple[Channel, ...] = (
     # The loop

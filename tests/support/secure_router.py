@@ -28,7 +28,7 @@ class SecureRouter:
         (folder / KEY).write_bytes(identity.key_pem())
         return folder
 
-    def open_as(self, name: str, deadline_s: float = 10.0) -> Bus:
+    def open_as(self, name: str, deadline_s: float = 60.0) -> Bus:
         """A session with the certificates in the folder of that name."""
         before = os.environ.get(FOLDER_VARIABLE)
         os.environ[FOLDER_VARIABLE] = str(self.certificates / name)

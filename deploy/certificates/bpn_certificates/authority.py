@@ -77,18 +77,20 @@ def new_authority(name: str, validity: Validity) -> Identity:
 def issue(
     authority: Identity, role: str, validity: Validity, *, server_names: Sequence[str] = ()
 ) -> Identity:
-    """A certificate that names a role; with `server_names` it is a server's, else a client's.
+    """A certificate that names a role; with `server_names` it is a server's as well as a client's.
 
     Args:
         server_names: DNS names and IP addresses that clients reach the server by.
     """
     key = ec.generate_private_key(ec.SECP256R1())
-    purpose = ExtendedKeyUsageOID.SERVER_AUTH if server_names else ExtendedKeyUsageOID.CLIENT_AUTH
+    purposes = [ExtendedKeyUsageOID.CLIENT_AUTH]
+    if server_names:  # a router is another router's client
+        purposes.append(ExtendedKeyUsageOID.SERVER_AUTH)
     builder = (
         _builder(_common_name(role), authority.certificate.subject, key, authority.key, validity)
         .add_extension(x509.BasicConstraints(ca=False, path_length=None), critical=True)
         .add_extension(_usage(signs_certificates=False), critical=True)
-        .add_extension(x509.ExtendedKeyUsage([purpose]), critical=False)
+        .add_extension(x509.ExtendedKeyUsage(purposes), critical=False)
     )
     if server_names:
         names = x509.SubjectAlternativeName([_server_name(name) for name in server_names])

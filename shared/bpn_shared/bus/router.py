@@ -17,12 +17,15 @@ from bpn_shared.service import end_with_supervisor, set_up_logging, stop_on_sign
 log = logging.getLogger("bpn_router")
 
 
-def configure(endpoint: str | None = None, config_file: Path | None = None) -> zenoh.Config:
+def configure(
+    endpoint: str | None = None, config_file: Path | None = None, upstream: str | None = None
+) -> zenoh.Config:
     """The configuration of a router that nobody can use who should not.
 
     Args:
         endpoint: where it listens; None: where the file says, or the default.
         config_file: a Zenoh JSON5 file; None: a router without authentication, for this machine only.
+        upstream: another router, with which this one makes one bus.
 
     Raises:
         ConfigError: others could reach it, and it asks for no certificates.
@@ -35,6 +38,8 @@ def configure(endpoint: str | None = None, config_file: Path | None = None) -> z
         config = zenoh.Config.from_file(str(config_file))
     if endpoint is not None:
         config.insert_json5("listen/endpoints", json.dumps([endpoint]))
+    if upstream is not None:
+        config.insert_json5("connect/endpoints", json.dumps([upstream]))
     asks_who = json.loads(config.get_json("transport/link/tls"))["enable_mtls"]
     for open_door in filter(lambda e: not is_local(e), endpoints(config)):
         if not (open_door.startswith(("tls/", "quic/")) and asks_who):
@@ -74,13 +79,14 @@ def main(argv: list[str] | None = None) -> int:
         "--listen", help=f"endpoint (default: as the file says, else {DEFAULT_ENDPOINT})"
     )
     parser.add_argument("--config", type=Path, help="Zenoh JSON5 file (default: for this machine)")
+    parser.add_argument("--upstream", metavar="ENDPOINT", help="another site's router to join")
     options = parser.parse_args(argv)
     set_up_logging("router")
     zenoh.init_log_from_env_or("off")
     stop = stop_on_signals()
     end_with_supervisor()
     try:
-        config = configure(options.listen, options.config)
+        config = configure(options.listen, options.config, options.upstream)
         with zenoh.open(config), Heartbeat():
             log.info("router listens at %s", ", ".join(endpoints(config)))
             stop.wait()

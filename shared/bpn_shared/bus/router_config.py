@@ -8,9 +8,19 @@ import itertools
 import json
 from collections.abc import Iterable
 from pathlib import PurePosixPath
-from typing import Any
+from typing import Any, get_args
 
-from bpn_shared.access import CHANNELS, ENVELOPE_BYTES, ROLES, Grant, grants
+from bpn_shared.access import (
+    CHANNELS,
+    ENVELOPE_BYTES,
+    EVERYTHING,
+    ROLES,
+    ROUTER,
+    Flow,
+    Grant,
+    MessageType,
+    grants,
+)
 from bpn_shared.bus.certificates import AUTHORITY, CERTIFICATE, KEY
 from bpn_shared.messages.episode import MAX_BYTES
 
@@ -49,13 +59,18 @@ def bare() -> Config:
 
 
 def secure(endpoint: str = SECURE_ENDPOINT, certificates: PurePosixPath = CERTIFICATES) -> Config:
-    """A router that admits only who has a certificate of our authority, to what its role may do."""
+    """A router that admits only who has a certificate of our authority, to what its role may do.
+
+    Another router may pass on everything: it has checked its own side's services by the same rules.
+    """
     config = bare()
     config["listen"] = {"endpoints": [endpoint]}
     config["transport"]["link"]["tls"] = {
         "root_ca_certificate": str(certificates / AUTHORITY),
         "listen_certificate": str(certificates / CERTIFICATE),
         "listen_private_key": str(certificates / KEY),
+        "connect_certificate": str(certificates / CERTIFICATE),  # to another site's router
+        "connect_private_key": str(certificates / KEY),
         "enable_mtls": True,
         "close_link_on_expiration": True,
     }
@@ -81,17 +96,27 @@ def access_control(granted: Iterable[Grant]) -> Config:
         }
         for name, group in itertools.groupby(sorted(granted), key=rule)
     ]
+    subjects = [*ROLES, ROUTER]
+    rules.append(
+        {
+            "id": f"{ROUTER}-everything",
+            "permission": "allow",
+            "flows": get_args(Flow),
+            "messages": get_args(MessageType),
+            "key_exprs": [EVERYTHING],
+        }
+    )
     return {
         "enabled": True,
         "default_permission": "deny",
         "rules": rules,
-        "subjects": [{"id": role, "cert_common_names": [role]} for role in ROLES],
+        "subjects": [{"id": name, "cert_common_names": [name]} for name in subjects],
         "policies": [
             {
-                "subjects": [role],
-                "rules": [r["id"] for r in rules if str(r["id"]).startswith(f"{role}-")],
+                "subjects": [name],
+                "rules": [r["id"] for r in rules if str(r["id"]).startswith(f"{name}-")],
             }
-            for role in ROLES
+            for name in subjects
         ],
     }
 
