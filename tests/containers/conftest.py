@@ -25,23 +25,30 @@ def images() -> None:
 
 
 @pytest.fixture(scope="module")
-def project(
+def start(
     images: None,  # noqa: ARG001 - they must be there
     free_tcp_port: Callable[[], int],
-    monkeypatch_module: pytest.MonkeyPatch,
-) -> Iterator[Project]:
-    """The loop in containers, without a first run; gone afterwards with its volumes."""
-    started = Project(f"bpn-test-{uuid.uuid4().hex[:8]}", free_tcp_port())
-    monkeypatch_module.setenv("BPN_PORT", str(started.port))
-    monkeypatch_module.setenv("BPN_FIRST_RUN", "")
-    try:
-        started.up()
-        yield started
-    finally:
-        started.compose("down", "-v", "-t", "10", timeout_s=120)
+) -> Iterator[Callable[..., Project]]:
+    """Starts the loop in containers, without a first run; gone afterwards with its volumes."""
+    started: list[Project] = []
+    with pytest.MonkeyPatch.context() as patch:
+
+        def one(*files: str) -> Project:
+            name, port = f"bpn-test-{uuid.uuid4().hex[:8]}", free_tcp_port()
+            patch.setenv("BPN_PORT", str(port))
+            patch.setenv("BPN_FIRST_RUN", "")
+            started.append(Project(name, port, ("compose.yaml", *files)))
+            started[-1].up()
+            return started[-1]
+
+        try:
+            yield one
+        finally:
+            for project in started:
+                project.down()
 
 
 @pytest.fixture(scope="module")
-def monkeypatch_module() -> Iterator[pytest.MonkeyPatch]:
-    with pytest.MonkeyPatch.context() as patch:
-        yield patch
+def project(start: Callable[..., Project]) -> Project:
+    """The loop as compose.yaml says."""
+    return start()

@@ -38,9 +38,11 @@ class Project:
 
     name: str
     port: int
+    files: tuple[str, ...] = ("compose.yaml",)
 
     def compose(self, *arguments: str, timeout_s: float = COMMAND_TIMEOUT_S) -> str:
-        return docker("compose", "-p", self.name, *arguments, timeout_s=timeout_s)
+        files = [option for file in self.files for option in ("-f", file)]
+        return docker("compose", "-p", self.name, *files, *arguments, timeout_s=timeout_s)
 
     def up(self, *arguments: str) -> None:
         self.compose("up", "-d", "--wait", "--no-build", *arguments, timeout_s=UP_TIMEOUT_S)
@@ -96,6 +98,10 @@ class Project:
                 return found
             time.sleep(0.5)  # the condition is another machine's, as far as we know
         raise AssertionError(f"run {run} is {found['state']} after {timeout_s:.0f} s: {found}")
+
+    def down(self) -> None:
+        """Ends it, with its volumes."""
+        self.compose("down", "-v", "-t", "10", timeout_s=120)
 
     def left_over(self) -> str:
         """What of this project the engine still knows."""
