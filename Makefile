@@ -5,11 +5,11 @@ VENV := .venv
 BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.installed
 PIP_INSTALL := $(BIN)/python -W ignore -m pip install --disable-pip-version-check -q -c constraints.txt
-PACKAGES := shared services/edge services/learner services/robot_sim services/dashboard deploy/local
+PACKAGES := shared services/edge services/learner services/robot_sim services/dashboard deploy/certificates deploy/local
 SOURCES := $(PACKAGES:%=%/bpn*)
 
 .DEFAULT_GOAL := help
-.PHONY: help up test test-browser screenshots lint format bench reproduce reproduce-quick doctor clean
+.PHONY: help up test test-browser test-containers test-chaos screenshots lint format bench reproduce reproduce-quick doctor clean
 
 help:            ## this list
 	@grep -hE '^[a-z-]+: .*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 17
@@ -29,10 +29,16 @@ screenshots: $(INSTALLED) ## the pictures of the web UI in docs/dashboard, and h
 	sh deploy/local/check-system.sh $(PYTHON) browser
 	$(BIN)/python bench/screenshots.py
 
+test-containers: $(INSTALLED) ## build the images, run the whole loop in containers (any Docker Engine from 25 on)
+	BPN_CONTAINERS=1 $(BIN)/pytest tests/containers
+
+test-chaos: $(INSTALLED) ## every fault that containers may have in the middle of a run (about an hour)
+	BPN_CONTAINERS=1 BPN_CHAOS=1 $(BIN)/pytest -s tests/containers/test_chaos.py tests/containers/test_full_disk.py
+
 lint: $(INSTALLED) ## ruff, mypy --strict, import-linter; prettier, svelte-check and vitest for the web UI
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
-	$(BIN)/mypy -p bpn_shared -p bpn_edge -p bpn_learner -p bpn_robot_sim -p bpn_dashboard -p bpn
+	$(BIN)/mypy -p bpn_shared -p bpn_edge -p bpn_learner -p bpn_robot_sim -p bpn_dashboard -p bpn_certificates -p bpn
 	$(BIN)/lint-imports --no-logo
 	$(BIN)/python services/dashboard/hatch_build.py check test
 

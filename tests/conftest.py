@@ -36,10 +36,21 @@ def _wait_for() -> Callable[..., None]:
     return wait_for
 
 
-def free_tcp_endpoint() -> str:
+def free_tcp_port() -> int:
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
-        return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
+        port: int = probe.getsockname()[1]
+        return port
+
+
+@pytest.fixture(name="free_tcp_port", scope="session")
+def _free_tcp_port() -> Callable[[], int]:
+    """Finds a loopback port that nobody listens at."""
+    return free_tcp_port
+
+
+def free_tcp_endpoint() -> str:
+    return f"tcp/127.0.0.1:{free_tcp_port()}"
 
 
 @pytest.fixture(name="free_tcp_endpoint")

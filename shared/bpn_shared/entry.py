@@ -7,6 +7,7 @@ from uuid import UUID
 
 from bpn_shared.bus.session import DEFAULT_ENDPOINT, Bus, BusError
 from bpn_shared.config import ConfigError, RunConfig
+from bpn_shared.heartbeat import Heartbeat
 from bpn_shared.leased import LeaseLoop
 from bpn_shared.messages.lease import Role
 from bpn_shared.run_folder import RunOwnedError
@@ -56,7 +57,7 @@ def run_worker(kind: Role, options: argparse.Namespace, serve: Serve) -> int:
     stop = stop_on_signals()
     end_with_supervisor()
     try:
-        with Bus(options.connect, stop=stop) as bus:
+        with Bus(options.connect, stop=stop) as bus, Heartbeat(lambda: bus.connected):
             process = WorkerProcess(kind=kind, id=new_worker_id(kind), bus=bus, stop=stop)
             if options.run is None:
                 return LeaseLoop(process, options.place).run(serve)

@@ -1,52 +1,60 @@
-"""Every key expression of the system, in one place (the topic table is in ARCHITECTURE.md)."""
+"""Every key expression of the system, in one place (the topic table is in ARCHITECTURE.md).
 
+`ANY` in place of a part makes a pattern; who may do what at which key is in `bpn_shared.access`.
+"""
+
+from typing import Literal
 from uuid import UUID
 
+ANY: Literal["*"] = "*"
+Run = UUID | Literal["*"]
+Slot = int | Literal["*"]
 
-def frame(run: UUID, slot: int) -> str:
+
+def frame(run: Run, slot: Slot) -> str:
     return f"bpn/{run}/robot/{slot}/frame"
 
 
-def action(run: UUID, slot: int) -> str:
+def action(run: Run, slot: Slot) -> str:
     return f"bpn/{run}/robot/{slot}/action"
 
 
-def reset(run: UUID, slot: int) -> str:
+def reset(run: Run, slot: Slot) -> str:
     return f"bpn/{run}/robot/{slot}/reset"
 
 
-def preview(run: UUID, slot: int) -> str:
+def preview(run: Run, slot: Slot) -> str:
     """What the network of this slot sees, for who watches."""
     return f"bpn/{run}/robot/{slot}/preview"
 
 
-def decision(run: UUID, slot: int) -> str:
+def decision(run: Run, slot: Slot) -> str:
     """What the policy of this slot decided and why, for who watches."""
     return f"bpn/{run}/edge/{slot}/decision"
 
 
-def next_episode(run: UUID) -> str:
+def next_episode(run: Run) -> str:
     return f"bpn/{run}/learner/next"
 
 
-def episode(run: UUID) -> str:
+def episode(run: Run) -> str:
     return f"bpn/{run}/learner/episode"
 
 
-def config(run: UUID) -> str:
+def config(run: Run) -> str:
     """Where the learner answers with the run's configuration: workers are told only run and slot."""
     return f"bpn/{run}/learner/config"
 
 
-def weights(run: UUID) -> str:
+def weights(run: Run) -> str:
     return f"bpn/{run}/weights"
 
 
-def metrics(run: UUID, kind: str, worker: str) -> str:
+def metrics(run: Run, kind: str, worker: str) -> str:
     return f"bpn/{run}/metrics/{kind}/{worker}"
 
 
-def log(run: UUID, service: str) -> str:
+def log(run: Run, service: str) -> str:
     """Where a leased worker sends its log lines, for the run's learner to keep in the run folder."""
     return f"bpn/{run}/log/{service}"
 
@@ -71,7 +79,7 @@ def lease_request() -> str:
     return "bpn/registry/lease"
 
 
-def lease(run: UUID | str, role: str, slot: int | str, worker: str) -> str:
+def lease(run: Run, role: str, slot: Slot, worker: str) -> str:
     """Liveliness token of a worker at a place: what the registry knows of leases."""
     return f"bpn/lease/{run}/{role}/{slot}/{worker}"
 

@@ -33,7 +33,7 @@ from bpn_dashboard.registry.dispatcher import Dispatcher
 from bpn_dashboard.registry.store import RunStore
 from bpn_dashboard.series.ingest import Ingest
 from bpn_shared.bus.session import DEFAULT_ENDPOINT, Bus, BusError
-from bpn_shared.config import ConfigError
+from bpn_shared.config import ConfigError, RunConfig
 from bpn_shared.run_folder import write_atomically
 from bpn_shared.service import (
     Counters,
@@ -72,6 +72,12 @@ def argument_parser() -> argparse.ArgumentParser:
         "--allow-host", action="append", default=[], metavar="NAME",
         help="another name by which browsers reach it; may be repeated",
     )  # fmt: skip
+    parser.add_argument(
+        "--first-run",
+        metavar="TASK",
+        default="",
+        help="start a run of this task if there is no run yet",
+    )
     parser.add_argument("--certificate", type=Path, help="TLS certificate, PEM")
     parser.add_argument("--key", type=Path, help="its private key, PEM")
     parser.add_argument(
@@ -79,6 +85,12 @@ def argument_parser() -> argparse.ArgumentParser:
     )
     parser.add_argument(
         "--open-metrics", action="store_true", help="/metrics needs no token from loopback"
+    )
+    parser.add_argument(
+        "--metrics-token",
+        type=Path,
+        metavar="FILE",
+        help="write a token for who reads /metrics here",
     )
     return parser
 
@@ -194,6 +206,7 @@ def main(argv: list[str] | None = None) -> int:
     end_with_supervisor()
     try:
         check_options(options)
+        first_run = RunConfig.for_task(options.first_run) if options.first_run else None
         listener = _listen(options.host, options.port)
         options.runs_dir.mkdir(parents=True, exist_ok=True)
         database = Database(database_url(options))
@@ -204,6 +217,8 @@ def main(argv: list[str] | None = None) -> int:
         stack.callback(database.close)
         stack.callback(listener.close)
         app, context = build(options, database)
+        if first_run is not None and not any(options.runs_dir.glob("*/config.json")):
+            context.runs.create(first_run, name="first run", actor="bpn-dashboard")
         stack.enter_context(_announced(options, listener, context))
         config = uvicorn.Config(
             app,
@@ -260,14 +275,20 @@ def _announced(
     url = f"{scheme}://{name}:{listener.getsockname()[1]}"
     _, link = context.tokens.issue("link", "local user", "admin", lifetime_s=LINK_S)
     row, token = context.tokens.issue("token", "local commands", "operator", lifetime_s=_TOKEN_S)
+    issued = [row]
     address = {"url": url, "token": token, "endpoint": options.connect, "pid": os.getpid()}
+    if options.metrics_token is not None:
+        row, viewer = context.tokens.issue("token", "metrics", "viewer", lifetime_s=_TOKEN_S)
+        issued.append(row)
+        write_atomically(options.metrics_token, viewer.encode())
     path = options.runs_dir / ADDRESS_FILE
     _write_private(path, json.dumps(address).encode())
     print(f"bpn dashboard: {url}/#token={link}", file=sys.stdout, flush=True)
     try:
         yield
     finally:
-        context.tokens.revoke(row.id)
+        for row in issued:
+            context.tokens.revoke(row.id)
         with suppress(OSError, ValueError):
             if json.loads(path.read_bytes())["pid"] == os.getpid():
                 path.unlink()

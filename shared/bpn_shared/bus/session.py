@@ -11,6 +11,7 @@ from typing import Self
 
 import zenoh
 
+from bpn_shared.bus.certificates import client_tls
 from bpn_shared.bus.traffic import Traffic
 
 log = logging.getLogger(__name__)
@@ -42,7 +43,7 @@ def _client_config(endpoint: str) -> zenoh.Config:
                 "scouting": {"multicast": {"enabled": False}},
                 "transport": {
                     "shared_memory": {"enabled": False},
-                    "link": {"tx": {"lease": 3000}},
+                    "link": {"tx": {"lease": 3000}, "tls": client_tls(endpoint)},
                 },
             }
         )
@@ -53,13 +54,15 @@ class Bus:
     """One session as a client of the router. Use as a context manager: an unclosed one keeps the process.
 
     Args:
-        endpoint: the router's Zenoh endpoint, such as "tcp/127.0.0.1:7447".
+        endpoint: the router's Zenoh endpoint, such as "tcp/127.0.0.1:7447" or "tls/router:7447"; the latter
+            needs certificates (`bpn_shared.bus.certificates`).
         deadline_s: how long to wait for the router.
         stop: when set, waiting ends.
         traffic: where to count what is sent and received, if another session counts there too.
 
     Raises:
         BusError: no router at the endpoint within the deadline, or `stop` was set.
+        CertificateError: the endpoint needs certificates, and there are none.
     """
 
     def __init__(

@@ -1,0 +1,1 @@
+"""Who is who on the bus: an authority of our own and a certificate for every role."""

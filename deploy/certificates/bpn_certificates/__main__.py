@@ -1,0 +1,3 @@
+from bpn_certificates.command import main
+
+raise SystemExit(main())

@@ -1,0 +1,85 @@
+"""Certificates as folders, one for each role: made where they are missing, renewed before they end."""
+
+import datetime
+import os
+from collections.abc import Sequence
+from pathlib import Path
+
+from bpn_certificates import authority as x509
+from bpn_certificates.authority import Identity, Validity
+from bpn_shared.access import ROLES, ROUTER
+from bpn_shared.bus.certificates import AUTHORITY, CERTIFICATE, KEY
+
+AUTHORITY_FOLDER = "authority"
+AUTHORITY_DAYS = 3650.0
+
+
+def make(folder: Path, *, days: float, server_names: Sequence[str]) -> list[str]:
+    """Brings the folders of all roles up to date.
+
+    A certificate is made anew when it is missing, damaged, not of this authority, not for these server
+    names, or when less than a quarter of `days` is left of it.
+
+    Args:
+        folder: holds a folder for the authority, which only who makes certificates may read, and one
+            for each role, with the authority's certificate, its own and its key.
+        days: how long a certificate is good.
+        server_names: by which clients reach the router.
+
+    Returns:
+        The roles whose certificates are new; `authority` first if that is.
+    """
+    renewed: list[str] = []
+    authority = _load(folder / AUTHORITY_FOLDER)
+    if authority is None or _days_left(authority) < days:
+        authority = x509.new_authority("bpn authority", Validity.of_days(AUTHORITY_DAYS))
+        _store(folder / AUTHORITY_FOLDER, authority, authority)
+        renewed.append(AUTHORITY_FOLDER)
+    for role in (ROUTER, *ROLES):
+        names = server_names if role == ROUTER else ()
+        present = _load(folder / role)
+        if present is None or not _is_good(present, authority, names, days):
+            new = x509.issue(authority, role, Validity.of_days(days), server_names=names)
+            _store(folder / role, new, authority)
+            renewed.append(role)
+    return renewed
+
+
+def _is_good(identity: Identity, authority: Identity, names: Sequence[str], days: float) -> bool:
+    return (
+        x509.is_issued_by(identity.certificate, authority.certificate)
+        and x509.server_names(identity.certificate) == set(names)
+        and _days_left(identity) > days / 4
+    )
+
+
+def _days_left(identity: Identity) -> float:
+    left = identity.certificate.not_valid_after_utc - datetime.datetime.now(datetime.UTC)
+    return left / datetime.timedelta(days=1)
+
+
+def _load(folder: Path) -> Identity | None:
+    """The identity in a folder; None if there is none that can be used."""
+    try:
+        return Identity.from_pem((folder / CERTIFICATE).read_bytes(), (folder / KEY).read_bytes())
+    except (FileNotFoundError, ValueError):
+        return None
+
+
+def _store(folder: Path, identity: Identity, authority: Identity) -> None:
+    """Writes a role's three files, each of them whole, the key readable by its owner alone."""
+    folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+    _write(folder / KEY, identity.key_pem(), 0o400)
+    _write(folder / AUTHORITY, authority.certificate_pem(), 0o444)
+    _write(folder / CERTIFICATE, identity.certificate_pem(), 0o444)
+
+
+def _write(path: Path, content: bytes, mode: int) -> None:
+    new = path.with_suffix(".new")
+    new.unlink(missing_ok=True)
+    descriptor = os.open(new, os.O_WRONLY | os.O_CREAT | os.O_EXCL, mode)
+    with os.fdopen(descriptor, "wb") as file:
+        file.write(content)
+        file.flush()
+        os.fsync(descriptor)
+    new.replace(path)

@@ -1,0 +1,28 @@
+"""The runs' volume is full for a while."""
+
+import os
+import time
+from collections.abc import Callable
+
+import pytest
+from chaos import LONG, RUN_TIMEOUT_S, Progress, facts, report
+from compose_project import Project, docker
+
+pytestmark = pytest.mark.skipif("BPN_CHAOS" not in os.environ, reason="run `make test-chaos`")
+
+
+def test_a_run_goes_on_when_there_is_room_again(start: Callable[..., Project]) -> None:
+    project = start("tests/containers/small-disk.yaml")
+    undisturbed = project.start_run(**LONG)
+    project.wait_finished(undisturbed, RUN_TIMEOUT_S)
+    run = project.start_run(**LONG)
+    progress = Progress(project, run, "learner")
+    progress.wait_beyond(50, RUN_TIMEOUT_S)
+    (dashboard,) = project.containers("dashboard")
+    docker("exec", dashboard, "sh", "-c", "cat /dev/zero > /runs/ballast 2>/dev/null || true")
+    time.sleep(5)  # the fault itself
+    before, start_s = progress.episodes(), time.monotonic()
+    docker("exec", dashboard, "rm", "/runs/ballast")
+    report("disk full for 5 s, after there is room again", progress, before, start_s)
+    project.wait_finished(run, RUN_TIMEOUT_S)
+    assert facts(project, run) == facts(project, undisturbed)

@@ -1,0 +1,111 @@
+"""compose.yaml under a name of its own, on whatever Docker Engine DOCKER_HOST names (25 or newer)."""
+
+import json
+import subprocess
+import time
+import urllib.request
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+ROOT = Path(__file__).parents[2]
+BUILD_TIMEOUT_S = 1800
+UP_TIMEOUT_S = 180
+COMMAND_TIMEOUT_S = 60
+
+
+def docker(*arguments: str, timeout_s: float = COMMAND_TIMEOUT_S) -> str:
+    """Runs docker; every call has a deadline, for an engine that hangs hangs its clients.
+
+    Raises:
+        AssertionError: it failed; the message has what it said.
+    """
+    done = subprocess.run(
+        ["docker", *arguments],
+        capture_output=True,
+        text=True,
+        timeout=timeout_s,
+        check=False,
+        cwd=ROOT,
+    )
+    assert done.returncode == 0, f"docker {' '.join(arguments)}\n{done.stdout}{done.stderr}"
+    return done.stdout
+
+
+@dataclass(frozen=True)
+class Project:
+    """One start of compose.yaml under a name of its own."""
+
+    name: str
+    port: int
+    files: tuple[str, ...] = ("compose.yaml",)
+
+    def compose(self, *arguments: str, timeout_s: float = COMMAND_TIMEOUT_S) -> str:
+        files = [option for file in self.files for option in ("-f", file)]
+        return docker("compose", "-p", self.name, *files, *arguments, timeout_s=timeout_s)
+
+    def up(self, *arguments: str) -> None:
+        self.compose("up", "-d", "--wait", "--no-build", *arguments, timeout_s=UP_TIMEOUT_S)
+
+    def containers(self, service: str) -> list[str]:
+        """Ids of a service's running containers."""
+        return self.compose("ps", "-q", service).split()
+
+    def inspect(self, container: str) -> dict[str, Any]:
+        details: list[dict[str, Any]] = json.loads(docker("inspect", container))
+        return details[0]
+
+    def state(self, container: str) -> dict[str, Any]:
+        """Running, Pid, ExitCode, StartedAt, Health ..."""
+        details: dict[str, Any] = self.inspect(container)["State"]
+        return details
+
+    def is_healthy(self, container: str) -> bool:
+        state = self.state(container)
+        return bool(state["Running"] and state["Health"]["Status"] == "healthy")
+
+    def token(self) -> str:
+        address = self.compose("exec", "-T", "dashboard", "cat", "/runs/.dashboard.json")
+        token: str = json.loads(address)["token"]
+        return token
+
+    def api(self, method: str, path: str, body: dict[str, Any] | None = None) -> Any:
+        """Calls the dashboard through its published port."""
+        request = urllib.request.Request(
+            f"http://127.0.0.1:{self.port}/api/v1{path}",
+            method=method,
+            data=None if body is None else json.dumps(body).encode(),
+            headers={"Authorization": f"Bearer {self.token()}", "Content-Type": "application/json"},
+        )
+        with urllib.request.urlopen(request, timeout=20) as answer:
+            return json.load(answer)
+
+    def start_run(self, **config: Any) -> str:
+        run: dict[str, Any] = self.api("POST", "/runs", {"config": {"task": "reaching", **config}})
+        return str(run["id"])
+
+    def wait_finished(self, run: str, timeout_s: float) -> dict[str, Any]:
+        """Waits until a run is finished.
+
+        Raises:
+            AssertionError: it is not in time, or has failed.
+        """
+        deadline_s = time.monotonic() + timeout_s
+        while time.monotonic() < deadline_s:
+            found: dict[str, Any] = self.api("GET", f"/runs/{run}")
+            assert found["state"] != "failed", found["error"]
+            if found["state"] == "finished":
+                return found
+            time.sleep(0.5)  # the condition is another machine's, as far as we know
+        raise AssertionError(f"run {run} is {found['state']} after {timeout_s:.0f} s: {found}")
+
+    def down(self) -> None:
+        """Ends it, with its volumes."""
+        self.compose("down", "-v", "-t", "10", timeout_s=120)
+
+    def left_over(self) -> str:
+        """What of this project the engine still knows."""
+        label = ["--filter", f"label=com.docker.compose.project={self.name}", "-q"]
+        return "".join(
+            docker(*kind, *label) for kind in (["ps", "-a"], ["volume", "ls"], ["network", "ls"])
+        )

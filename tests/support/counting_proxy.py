@@ -1,0 +1,61 @@
+"""A TCP relay that counts what crosses it: the line between two sites."""
+
+import socket
+import threading
+from types import TracebackType
+from typing import Self
+
+CHUNK_BYTES = 64 * 1024
+
+
+class CountingProxy:
+    """Relays connections to a port of this machine.
+
+    Attributes:
+        port: where it listens, on loopback.
+        there_bytes: sent towards the target so far.
+        back_bytes: sent back so far.
+    """
+
+    def __init__(self, target_port: int) -> None:
+        self._target_port = target_port
+        self._listener = socket.create_server(("127.0.0.1", 0))
+        self.port: int = self._listener.getsockname()[1]
+        self.there_bytes = self.back_bytes = 0
+        self._open: list[socket.socket] = [self._listener]
+
+    def __enter__(self) -> Self:
+        threading.Thread(target=self._accept, daemon=True).start()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        for connection in self._open:
+            connection.close()
+
+    def _accept(self) -> None:
+        while True:
+            try:
+                near, _ = self._listener.accept()
+                far = socket.create_connection(("127.0.0.1", self._target_port))
+            except OSError:
+                return
+            for connection in (near, far):
+                connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+            self._open += [near, far]
+            for source, sink, name in ((near, far, "there_bytes"), (far, near, "back_bytes")):
+                threading.Thread(target=self._relay, args=(source, sink, name), daemon=True).start()
+
+    def _relay(self, source: socket.socket, sink: socket.socket, name: str) -> None:
+        try:
+            while data := source.recv(CHUNK_BYTES):
+                setattr(self, name, getattr(self, name) + len(data))
+                sink.sendall(data)
+        except OSError:
+            pass
+        finally:
+            sink.close()
