@@ -121,7 +121,7 @@ def dashboard(
     threading.Thread(target=_find_link, args=(process, link), daemon=True).start()
     try:
         dashboard = Dashboard(process, runs_dir, link.get(timeout=START_DEADLINE_S))
-        wait_for(lambda: dashboard.runs(), "the first run", START_DEADLINE_S)
+        wait_for(dashboard.runs, "the first run", START_DEADLINE_S)
         for run in dashboard.runs():
             dashboard.ask("POST", f"/runs/{run['id']}/stop")
         yield dashboard
