@@ -21,6 +21,7 @@ from uuid import UUID, uuid4
 
 import numpy as np
 import psutil
+from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import ClientConnection, connect
 
 from bpn.local_run import new_run, private_endpoint
@@ -77,22 +78,33 @@ class _Dashboard:
         self._token = str(address["token"])
         self.process = psutil.Process(int(address["pid"]))
 
-    def connect(self, **options: Any) -> ClientConnection:
-        """A client that has said hello, once the server has found the router."""
+    def wait_until_live(self) -> None:
+        """Waits until the dashboard has reached the router.
+
+        Raises:
+            TimeoutError: it did not.
+        """
         deadline_s = time.monotonic() + _START_S
-        while True:
-            headers = {"Authorization": f"Bearer {self._token}"}
-            with contextlib.suppress(OSError, EOFError):
-                client = connect(
-                    self._url, compression=None, additional_headers=headers, legacy=True, **options
-                )
-                client.send(json.dumps({"op": "hello", "proto": 1}))
-                with contextlib.suppress(Exception):
-                    client.recv(timeout=5)
-                    return client
-            if time.monotonic() > deadline_s:
-                raise TimeoutError(f"the dashboard at {self._url} did not answer")
+        while time.monotonic() < deadline_s:
+            with contextlib.suppress(ConnectionClosed, OSError), self.client():
+                return
             time.sleep(0.1)
+        raise TimeoutError(f"the dashboard at {self._url} does not reach the router")
+
+    @contextlib.contextmanager
+    def client(self, **options: Any) -> Iterator[ClientConnection]:
+        """A client that was made welcome.
+
+        Raises:
+            ConnectionClosed: it was sent away.
+        """
+        headers = {"Authorization": f"Bearer {self._token}"}
+        with connect(
+            self._url, compression=None, additional_headers=headers, **options
+        ) as connection:
+            connection.send(json.dumps({"op": "hello", "proto": 1}))
+            connection.recv(timeout=_START_S)
+            yield connection
 
     @property
     def address(self) -> tuple[str, int]:
@@ -142,7 +154,8 @@ def _cameras(directory: Path) -> dict[str, Any]:
     with _running([router, _dashboard_service(runs_dir, endpoint)], runs_dir / "logs"):
         dashboard = _Dashboard(runs_dir)
         run, stop = uuid4(), threading.Event()
-        with dashboard.connect() as client:
+        dashboard.wait_until_live()
+        with dashboard.client() as client:
             time.sleep(SETTLE_S)
             idle_percent = _cpu_percent(dashboard.process, CAMERA_S / 2)
             robots = threading.Thread(target=_show, args=(endpoint, run, stop))
@@ -198,7 +211,7 @@ def _read_frames(client: ClientConnection, seconds: float) -> tuple[list[int], l
 
 def _cpu_percent(process: psutil.Process, seconds: float) -> float:
     process.cpu_percent()
-    return round(process.cpu_percent(seconds), 2)
+    return round(float(process.cpu_percent(seconds)), 2)
 
 
 # A client that reads nothing
@@ -251,7 +264,8 @@ def _deaf_client(directory: Path) -> dict[str, Any]:
     ):
         dashboard, steps = _Dashboard(runs_dir), _Steps(bus)
         steps.wait_for_first()
-        with dashboard.connect():
+        dashboard.wait_until_live()
+        with dashboard.client():
             time.sleep(SETTLE_S)  # whatever is loaded for the first client is there
         before_bytes = dashboard.process.memory_info().rss
         with _deaf(dashboard, folder.run):
@@ -279,18 +293,11 @@ def _deaf(dashboard: _Dashboard, run: UUID) -> Iterator[None]:
     """A client that asks for everything of a run and takes nothing, not even into a large socket buffer."""
     link = socket.create_connection(dashboard.address)
     link.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
-    client = dashboard.connect(sock=link, max_queue=1, ping_interval=None)
-    topics = [
-        f"camera/{run}/0",
-        f"actions/{run}/0",
-        f"metrics/{run}",
-        f"logs/{run}",
-        "runs",
-        "topology",
+    everything = [
+        *(f"{topic}/{run}/0" for topic in ("camera", "actions")),
+        *(f"{topic}/{run}" for topic in ("metrics", "logs")),
+        *("runs", "topology"),
     ]
-    _subscribe(client, topics)
-    try:
+    with dashboard.client(sock=link, max_queue=1, ping_interval=None, close_timeout=0.1) as client:
+        _subscribe(client, everything)
         yield
-    finally:
-        link.close()
-        client.close()
