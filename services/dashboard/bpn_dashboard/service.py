@@ -220,6 +220,7 @@ def _listen(host: str, port: int) -> socket.socket:
     listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     try:
         listener.bind((host, port))
+        listener.listen()  # who follows the link at once waits for us, and is not refused
     except OSError as error:
         listener.close()
         raise ConfigError(f"--host {host} --port {port}: {error.strerror}; try --port 0") from error

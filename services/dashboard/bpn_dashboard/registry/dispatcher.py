@@ -33,9 +33,10 @@ RETRY_S = 0.3
 """When an idle worker shall ask again."""
 SETTLE_S = 1.5
 """After the router was reached: until then tokens may be on their way back."""
+SURELY_DEAD_S = 1.0
+"""After a learner's lease has gone: whether it gave it back or died is then known."""
 _RELEASE_TIMEOUT_S = 1.0
 _RELEASE_AGAIN_S = 1.0
-_SURELY_DEAD_S = 1.0
 
 
 class _Lost(NamedTuple):
@@ -214,7 +215,7 @@ class Dispatcher:
 
     def _count_deaths(self, now_s: float) -> None:
         with self._lock:
-            due = [lost for lost in self._lost if now_s - lost.at_s > _SURELY_DEAD_S]
+            due = [lost for lost in self._lost if now_s - lost.at_s > SURELY_DEAD_S]
             self._lost = [lost for lost in self._lost if lost not in due]
         for lost in due:
             row = self._rows.get(str(lost.run))

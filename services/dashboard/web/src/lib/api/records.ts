@@ -1,51 +1,16 @@
 /** What is recorded about a run beside its metrics: artefacts, episodes, logs. */
 
+import type { components } from '../../../generated/api';
 import type { ApiClient } from './client';
 
-export type ArtefactKind = 'weights' | 'checkpoint' | 'config' | 'metrics' | 'log' | 'onnx';
+type Schemas = components['schemas'];
 
-export interface Artefact {
-  id: string;
-  kind: ArtefactKind;
-  name: string;
-  version: number | null;
-  size_bytes: number;
-  sha256: string;
-  created_at_unix_s: number;
-}
-
-export interface EpisodeRow {
-  iteration: number;
-  episode: number;
-  steps: number;
-  return_px: number | null;
-  weights_version: number;
-  slot: number;
-  worker: string;
-}
-
-/** One iteration's episodes, and which iterations have any. */
-export interface EpisodeList {
-  iteration: number | null;
-  first_iteration: number | null;
-  last_iteration: number | null;
-  items: EpisodeRow[];
-}
-
-export interface EpisodeDetail {
-  /** T: there are T + 1 frames, and T of everything else. */
-  steps: number;
-  actions: number[];
-  action_names: string[];
-  outputs: number[][];
-  preferences: number[][];
-  rewards_px: number[] | null;
-  weights_version: number;
-  scale: number;
-  /** Null where no action came in time. */
-  camera_to_action_us: (number | null)[];
-  inference_us: number[];
-}
+export type Artefact = Schemas['Artefact'];
+export type ArtefactKind = Artefact['kind'];
+export type EpisodeList = Schemas['EpisodeList'];
+/** T steps: there are T + 1 frames, and T of everything else. */
+export type EpisodeDetail = Schemas['EpisodeSteps'];
+export type LogRecord = Schemas['LogItem'];
 
 /** Frames of an episode, uint8[count, channels, height, width], each once. */
 export interface EpisodeFrames {
@@ -54,14 +19,6 @@ export interface EpisodeFrames {
   channels: number;
   heightPx: number;
   widthPx: number;
-}
-
-export interface LogRecord {
-  id: string;
-  time_unix_s: number | null;
-  level: string;
-  service: string;
-  message: string;
 }
 
 export interface LogQuery {
