@@ -9,16 +9,25 @@ PACKAGES := shared services/edge services/learner services/robot_sim services/da
 SOURCES := $(PACKAGES:%=%/bpn*)
 
 .DEFAULT_GOAL := help
-.PHONY: help up test lint format test-containers test-chaos bench learning doctor clean
+.PHONY: help up test test-browser test-containers test-chaos screenshots lint format bench reproduce reproduce-quick doctor clean
 
 help:            ## this list
-	@grep -hE '^[a-z-]+: .*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 12
+	@grep -hE '^[a-z-]+: .*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 17
 
-up: $(INSTALLED) ## start everything with the default run
+up: $(INSTALLED) ## start the dashboard and workers, with a first run
 	$(BIN)/bpn up
 
 test: lint       ## lint, then every test that takes seconds, then those that take minutes
-	$(BIN)/pytest tests
+	$(BIN)/pytest tests --ignore=tests/browser
+	$(MAKE) test-browser
+
+test-browser: $(INSTALLED) ## the web UI in Chromium: journeys, accessibility, nothing leaves the machine
+	sh deploy/local/check-system.sh $(PYTHON) browser
+	$(BIN)/pytest tests/browser
+
+screenshots: $(INSTALLED) ## the pictures of the web UI in docs/dashboard, and how long a newcomer waits for them
+	sh deploy/local/check-system.sh $(PYTHON) browser
+	$(BIN)/python bench/screenshots.py
 
 test-containers: $(INSTALLED) ## build the images, run the whole loop in containers (any Docker Engine from 25 on)
 	BPN_CONTAINERS=1 $(BIN)/pytest tests/containers
@@ -38,13 +47,20 @@ format: $(INSTALLED) ## write code as ruff wants it
 	$(BIN)/ruff format .
 	$(BIN)/python services/dashboard/hatch_build.py format
 
-bench: $(INSTALLED) ## kernel, learner and loop, side by side with what they are measured against
+bench: $(INSTALLED) ## kernel, learner, loop and dashboard, side by side with what they are measured against
 	$(BIN)/bpn bench kernel
 	$(BIN)/bpn bench learner
 	$(BIN)/bpn bench loop
+	$(BIN)/bpn bench dashboard
 
-learning: $(INSTALLED) ## the paper's reaching run on three seeds (about 15 minutes), with the plot in docs
-	$(BIN)/python bench/learning_curve.py
+TARGETS := inference reaching latency tracking pan-tilt heatmap
+JOBS ?= 1
+
+reproduce: $(INSTALLED) ## every figure and table of the paper into docs/results: days on two cores, resumable
+	for target in $(TARGETS); do $(BIN)/bpn reproduce $$target --jobs $(JOBS) || exit; done
+
+reproduce-quick: $(INSTALLED) ## a tiny version of the same, to see that everything works
+	for target in $(TARGETS); do $(BIN)/bpn reproduce $$target --jobs $(JOBS) --quick || exit; done
 
 doctor: $(INSTALLED) ## what this machine has, for bug reports
 	$(BIN)/bpn doctor
@@ -60,5 +76,6 @@ $(INSTALLED): constraints.txt pyproject.toml $(PACKAGES:%=%/pyproject.toml) \
 	$(PYTHON) -m venv $(VENV)
 	$(PIP_INSTALL) pip
 	$(PIP_INSTALL) --group build
-	$(PIP_INSTALL) --group dev --no-build-isolation $(PACKAGES:%=-e %) -e 'deploy/local[bench]'
+	$(PIP_INSTALL) --group dev --no-build-isolation $(PACKAGES:%=-e %) -e 'deploy/local[bench,media]' \
+	  -e 'services/robot_sim[gym]' -e 'services/learner[tensorboard]'
 	touch $@

@@ -68,11 +68,11 @@ int main() {
   for (int l = 0; l < kLayers; ++l) {
     const Layer& layer = layers[l];
     const size_t values = size_t(kImages) * layer.positions() * layer.width;
-    work.signs[l] = floats(layer.width * layer.fan_in());
+    work.weights[l] = floats(layer.width * layer.fan_in());
     work.transposed[l] = l > 0 && layer.size > 1 ? floats(layer.width * layer.fan_in()) : nullptr;
     work.inputs[l] = floats(size_t(kImages) * layer.image);
-    work.normalized[l] = floats(values), work.gradients[l] = floats(values);
-    work.sign_gradients[l] = floats(layer.width * layer.rows * padded(layer.run));
+    work.outputs[l] = floats(values), work.gradients[l] = floats(values);
+    work.weight_gradients[l] = floats(layer.width * layer.rows * padded(layer.run));
     if (l < kNorms) work.norm_scale[l] = floats(layer.width), work.gamma[l] = floats(layer.width), work.beta[l] = floats(layer.width);
   }
   std::vector<int8_t> pixel_signs(layers[0].outputs * layers[0].fan_in(), 1);
@@ -90,11 +90,11 @@ int main() {
   const double conv1 = double(kImages) * layers[0].positions() * layers[0].outputs * layers[0].fan_in();
   const int stride = layers[0].positions() * layers[0].width;
   report("conv1 outputs", conv1, [&] {
-    for (int b = 0; b < kImages; ++b) convolve_pixels(layers[0], images[b], work.pixel_signs, work.normalized[0] + b * stride);
+    for (int b = 0; b < kImages; ++b) convolve_pixels(layers[0], images[b], work.pixel_signs, work.outputs[0] + b * stride);
   });
   report("conv1 sign gradient", conv1, [&] {
     for (int b = 0; b < kImages; ++b)
-      add_sign_gradients(layers[0], 20, 20, layers[0].step_x, images[b], work.gradients[0] + b * stride, work.sign_gradients[0]);
+      add_weight_gradients(layers[0], 20, 20, layers[0].step_x, images[b], work.gradients[0] + b * stride, work.weight_gradients[0]);
   });
   const char* names[] = {"conv1", "conv2", "conv3", "fc1", "fc2"};
   for (int l = 1; l < kLayers; ++l) {
@@ -102,27 +102,27 @@ int main() {
     const double macs = double(kImages) * layer.positions() * layer.outputs * layer.fan_in();
     const auto part = [&](const char* what) { return std::string(names[l]) + what; };
     report(part(" outputs").c_str(), macs, [&] {
-      if (layer.size > 1) convolve(layer, kImages, work.inputs[l], work.transposed[l], work.normalized[l]);
-      else connect(layer, kImages, work.inputs[l], work.signs[l], work.normalized[l]);
+      if (layer.size > 1) convolve(layer, kImages, work.inputs[l], work.transposed[l], work.outputs[l]);
+      else connect(layer, kImages, work.inputs[l], work.weights[l], work.outputs[l]);
     });
     report(part(" input gradient").c_str(), macs, [&] {
-      input_gradients(layer, kImages, work.gradients[l], work.signs[l], work.inputs[l]);
+      input_gradients(layer, kImages, work.gradients[l], work.weights[l], work.inputs[l]);
     });
     report(part(" sign gradient").c_str(), macs, [&] {
-      if (layer.size == 1) return add_sign_gradients(layer, 1, kImages, layer.image, work.inputs[l], work.gradients[l], work.sign_gradients[l]);
+      if (layer.size == 1) return add_weight_gradients(layer, 1, kImages, layer.image, work.inputs[l], work.gradients[l], work.weight_gradients[l]);
       for (int b = 0; b < kImages; ++b)
-        add_sign_gradients(layer, layer.size, layer.size, layer.step_x, work.inputs[l] + b * layer.image,
-                           work.gradients[l] + b * layer.positions() * layer.width, work.sign_gradients[l]);
+        add_weight_gradients(layer, layer.size, layer.size, layer.step_x, work.inputs[l] + b * layer.image,
+                           work.gradients[l] + b * layer.positions() * layer.width, work.weight_gradients[l]);
     });
   }
   report("norms, forward", 0, [&] {
     for (int l = 0; l < kNorms; ++l)
-      normalize(kImages * layers[l].positions(), layers[l].width, work.normalized[l], work.gamma[l], work.beta[l],
+      normalize(kImages * layers[l].positions(), layers[l].width, work.outputs[l], work.gamma[l], work.beta[l],
                 work.norm_scale[l], work.inputs[l + 1]);
   });
   report("norms, backward", 0, [&] {
     for (int l = 0; l < kNorms; ++l)
-      normalize_back(kImages * layers[l].positions(), layers[l].width, work.gradients[l], work.normalized[l],
+      normalize_back(kImages * layers[l].positions(), layers[l].width, work.gradients[l], work.outputs[l],
                      work.gamma[l], work.beta[l], work.norm_scale[l], out.gamma, out.beta);
   });
   report("signs, latent", 0, [&] {

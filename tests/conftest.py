@@ -31,7 +31,7 @@ def wait_for(condition: Callable[[], object], what: str, timeout_s: float = DEAD
         pause.wait(0.01)
 
 
-@pytest.fixture(name="wait_for")
+@pytest.fixture(name="wait_for", scope="session")
 def _wait_for() -> Callable[..., None]:
     return wait_for
 

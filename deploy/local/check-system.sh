@@ -1,8 +1,11 @@
 #!/bin/sh
 # Checks for what pip cannot bring: a C++ compiler, Python's headers, an OpenGL library that renders
-# without a display. As root on Debian or Ubuntu it installs what is missing; elsewhere it says how.
+# without a display; for the tests of the web UI, Chromium. As root on Debian or Ubuntu it installs what is
+# missing; elsewhere it says how.
+# usage: check-system.sh [PYTHON [browser]]
 set -eu
 python=${1:-python3}
+what=${2:-}
 missing=""
 
 need() { # need PACKAGES COMMAND...: the packages are missing if the command fails
@@ -28,6 +31,9 @@ rendering() { # EGL with Mesa's or a vendor's driver behind it, or OSMesa
     echo "bpn needs Python 3.11 or newer; $python is not: call make with PYTHON=/path/to/python" >&2
     exit 1
 }
+if [ "$what" = browser ]; then
+    need chromium command -v chromium
+fi
 need g++ command -v g++
 need python3-venv "$python" -c 'import ensurepip'
 need python3-dev python_headers

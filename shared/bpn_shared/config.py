@@ -2,18 +2,21 @@
 
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 
-from bpn_shared.bnn.spec import MAX_NODES, NetworkSpec
-from bpn_shared.tasks import Task, task_named
+from bpn_shared.algorithms import ALGORITHMS, KERNELS, Algorithm, AlgorithmName, implied
+from bpn_shared.bnn.spec import MAX_ACTIONS, MAX_CHANNELS, MAX_NODES, NetworkSpec
+from bpn_shared.tasks import TASKS, Task, check_task_name, gym_task, is_gym
 
 Pacing = Literal["lockstep", "realtime"]
-Kernel = Literal["native", "golden"]
-Algorithm = Literal["bpn", "bqn"]
+Kernel = Literal["native", "golden", "onnx"]
+Policy = Literal["softmax", "epsilon_greedy"]
+"""How an action is drawn from a network's outputs."""
 Device = Literal["cpu", "cuda"]
 Engine = Literal["fast", "plain"]
 
 MAX_STEPS = 1000
+MAX_ACTION_DELAY_MS = 2000.0
 
 
 class ConfigError(ValueError):
@@ -27,9 +30,29 @@ class RunConfig(BaseModel):
 
     task: Annotated[str, Field(description="what the robot learns")] = "reaching"
     algorithm: Annotated[
-        Algorithm, Field(description="bpn: binary network + CVI; bqn: binary network + DQN")
+        AlgorithmName,
+        Field(
+            description="binary network: bpn (CVI), bqn (DQN); float network: cvi, dqn, dpp (CVI, alpha = 1)"
+        ),
     ] = "bpn"
     seed: Annotated[int, Field(ge=0, lt=2**63, description="seed of everything random")] = 0
+
+    frame_channels: Annotated[
+        int, Field(ge=0, le=3, description="gym tasks: 1 gray, 3 RGB; 0: as the task has it")
+    ] = 0
+    frames_stacked: Annotated[
+        int,
+        Field(
+            ge=0, le=MAX_CHANNELS, description="gym tasks: frames in an observation; 0: as the task"
+        ),
+    ] = 0
+    frame_skip: Annotated[
+        int,
+        Field(ge=0, le=100, description="gym tasks: steps that an action takes; 0: as the task"),
+    ] = 0
+    actions: Annotated[
+        int, Field(ge=0, le=MAX_ACTIONS, description="gym tasks: |A|; 0: found out by `bpn train`")
+    ] = 0
 
     iterations: Annotated[int, Field(ge=1, le=100_000, description="I, policy updates")] = 50
     episodes: Annotated[int, Field(ge=1, le=10_000, description="E, episodes an iteration")] = 10
@@ -44,11 +67,14 @@ class RunConfig(BaseModel):
     mask_terminals: Annotated[
         bool, Field(description="no bootstrap from failures (Algorithm 1 as printed: bootstrap)")
     ] = False
+    relative_targets: Annotated[
+        bool, Field(description="subtract the targets' mean over D (Algorithm 1 as printed: no)")
+    ] = False
     epsilon_initial: Annotated[
-        float, Field(ge=0, le=1, description="bqn: share of random actions in iteration 0")
+        float, Field(ge=0, le=1, description="bqn, dqn: share of random actions in iteration 0")
     ] = 1.0
     epsilon_final: Annotated[
-        float, Field(ge=0, le=1, description="bqn: share of random actions at the end")
+        float, Field(ge=0, le=1, description="bqn, dqn: share of random actions at the end")
     ] = 0.05
 
     nodes: Annotated[int, Field(ge=1, le=MAX_NODES, description="N, nodes of FC(N)")] = 100
@@ -59,7 +85,9 @@ class RunConfig(BaseModel):
     learning_rate_last: Annotated[
         float, Field(ge=0, le=1, description="share of it in the last iteration (linear)")
     ] = 0.1
-    scale_initial: Annotated[float, Field(gt=0, le=100, description="lambda at the start")] = 0.2
+    scale_initial: Annotated[
+        float, Field(gt=0, le=100, description="binary: lambda at the start")
+    ] = 0.2
     reward_scale: Annotated[
         float, Field(gt=0, le=1e3, description="factor on rewards in pixels before learning")
     ] = 0.1
@@ -73,31 +101,124 @@ class RunConfig(BaseModel):
         Device, Field(description="where torch computes; weights are bit-reproducible on cpu alone")
     ] = "cpu"
 
+    tensorboard: Annotated[
+        bool, Field(description="also write TensorBoard event files into the run folder")
+    ] = False
+
     robots: Annotated[int, Field(ge=1, le=64, description="slots: robots, each with its edge")] = 1
     pacing: Annotated[
         Pacing, Field(description="lockstep: the robot waits for the action; realtime: it does not")
     ] = "lockstep"
-    kernel: Annotated[Kernel, Field(description="what runs the policy at the edge")] = "native"
+    action_delay_ms: Annotated[
+        float,
+        Field(
+            ge=0,
+            le=MAX_ACTION_DELAY_MS,
+            description="realtime pacing: time added between a frame and its action's effect",
+        ),
+    ] = 0.0
+    kernel: Annotated[
+        Kernel,
+        Field(description="what runs the policy at the edge; native, golden: binary, onnx: float"),
+    ] = "native"
+
+    @model_validator(mode="before")
+    @classmethod
+    def _fill_implied(cls, values: Any) -> Any:
+        """What task and algorithm imply stands in for what was not given."""
+        if not isinstance(values, dict):
+            return values
+        given = {
+            name: v for name, v in values.items() if not (name in _TASK_FIELDS and v in (0, "0"))
+        }
+        of_task = _of_task(str(given.get("task", "reaching")))
+        return of_task | implied(str(given.get("algorithm"))) | given
 
     @field_validator("task")
     @classmethod
-    def _known_task(cls, name: str) -> str:
-        return task_named(name).name
+    def _possible_task(cls, name: str) -> str:
+        check_task_name(name)
+        return name
+
+    @model_validator(mode="after")
+    def _fits_task(self) -> Self:
+        if is_gym(self.task):
+            if self.pacing == "realtime":
+                raise ValueError(
+                    f"pacing = 'realtime': {self.task!r} has no clock of its own; choose lockstep"
+                )
+            self.task_spec  # noqa: B018 - raises for values that no task can have
+            return self
+        for name, value in _of_task(self.task).items():
+            if getattr(self, name) != value:
+                raise ValueError(
+                    f"{name} = {getattr(self, name)}: task {self.task!r} has {value}; leave it out"
+                )
+        return self
+
+    @model_validator(mode="after")
+    def _fits_algorithm(self) -> Self:
+        kernels = KERNELS[self.algorithm_spec.network]
+        if self.kernel not in kernels:
+            raise ValueError(
+                f"kernel = {self.kernel!r} does not run the network of {self.algorithm!r}, which is "
+                f"{self.algorithm_spec.network}; one of: {', '.join(kernels)}"
+            )
+        if self.algorithm == "dpp" and self.alpha != 1:
+            raise ValueError(
+                f"alpha = {self.alpha}: dpp is CVI with alpha = 1; leave alpha out, or choose cvi"
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _delay_needs_time(self) -> Self:
+        if self.action_delay_ms and self.pacing == "lockstep":
+            raise ValueError(
+                f"action_delay_ms = {self.action_delay_ms} means nothing in lockstep, where the robot "
+                "waits for the action: set pacing = realtime"
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _relative_targets_bootstrap(self) -> Self:
+        if self.relative_targets and self.mask_terminals:
+            raise ValueError(
+                "relative_targets = True with mask_terminals = True: a terminal's value of 0 has no "
+                "meaning among values relative to their mean; switch one of them off"
+            )
+        return self
+
+    @property
+    def algorithm_spec(self) -> Algorithm:
+        return ALGORITHMS[self.algorithm]
 
     @property
     def task_spec(self) -> Task:
-        return task_named(self.task)
+        if is_gym(self.task):
+            return gym_task(
+                self.task,
+                frame_channels=self.frame_channels,
+                frames_stacked=self.frames_stacked,
+                frame_skip=self.frame_skip,
+                actions=self.actions,
+            )
+        return TASKS[self.task]
 
     @property
     def network(self) -> NetworkSpec:
         return self.task_spec.network(self.nodes)
+
+    @property
+    def policy(self) -> Policy:
+        """What data are collected with: CVI's policy is its softmax, DQN explores epsilon-greedily."""
+        return "softmax" if self.algorithm_spec.update == "cvi" else "epsilon_greedy"
 
     def epsilon(self, iteration: int) -> float:
         """Share of uniformly random actions in an iteration: 0 for CVI, whose policy is stochastic.
 
         For DQN it falls linearly from `epsilon_initial` to `epsilon_final` over the first half of the run.
         """
-        if self.algorithm == "bpn":
+        if self.policy == "softmax":
             return 0.0
         progress = min(1.0, 2 * iteration / self.iterations)
         return self.epsilon_initial + progress * (self.epsilon_final - self.epsilon_initial)
@@ -114,7 +235,8 @@ class RunConfig(BaseModel):
         Raises:
             ConfigError: a value is unknown or outside its range.
         """
-        return cls.parse({"task": task, **PRESETS.get(task, {}), **changes}, source="options")
+        preset = preset_of(task) | implied(changes.get("algorithm", ""))
+        return cls.parse({"task": task} | preset | changes, source="options")
 
     @classmethod
     def parse(cls, values: object, *, source: str) -> Self:
@@ -143,8 +265,20 @@ class RunConfig(BaseModel):
 
 PRESETS: dict[str, dict[str, Any]] = {
     # Table I; what it leaves open (optimizer, scales) was found by experiment, see docs/algorithms.
-    "reaching": {"steps": 20, "nodes": 256, "reward_scale": 0.05},
-    "tracking": {"steps": 40, "reward_scale": 0.2},
+    "reaching": {
+        "steps": 20,
+        "nodes": 256,
+        "reward_scale": 0.1,
+        "relative_targets": True,
+        "learning_rate_last": 0.05,
+    },
+    "tracking": {
+        "steps": 40,
+        "nodes": 256,
+        "reward_scale": 0.2,
+        "relative_targets": True,
+        "learning_rate_last": 0.05,
+    },
     # Section VI-B.
     "pan_tilt": {
         "nodes": 100,
@@ -152,18 +286,62 @@ PRESETS: dict[str, dict[str, Any]] = {
         "beta": 3.0,
         "iterations": 150,
         "steps": 80,
-        "reward_scale": 0.2,
+        "reward_scale": 0.1,
+        "relative_targets": True,
+        "learning_rate_last": 0.05,
+    },
+    # Found by experiment, see docs/tasks/gym.md.
+    "gym:CartPole-v1": {
+        "actions": 2,
+        "frame_skip": 3,
+        "nodes": 128,
+        "alpha": 0.9,
+        "gamma": 0.95,
+        "iterations": 30,
+        "episodes": 24,
+        "steps": 100,
+        "epochs": 20,
+        "datasets": 6,
+        "learning_rate": 3e-3,
+        "scale_initial": 0.05,
+        "reward_scale": 0.6,
     },
 }
+
+
+_GYM_PRESET: dict[str, Any] = {
+    # Of whatever unit rewards are, and episodes end for good or bad: the usual treatment of terminals.
+    "mask_terminals": True,
+    "reward_scale": 1.0,
+    "steps": 200,
+}
+
+
+def preset_of(task: str) -> dict[str, Any]:
+    """Values that a task begins with where they differ from the fields' defaults; {} for an unknown one."""
+    return (_GYM_PRESET if is_gym(task) else {}) | PRESETS.get(task, {})
+
+
+_TASK_FIELDS = ("frame_channels", "frames_stacked", "frame_skip", "actions")
+
+
+def _of_task(task: str) -> dict[str, int]:
+    """What follows from the task; of a Gymnasium environment, gray frames in pairs, which show motion."""
+    if is_gym(task):
+        return {"frame_channels": 1, "frames_stacked": 2, "frame_skip": 1}
+    known = TASKS.get(task)
+    return {} if known is None else {name: getattr(known, name) for name in _TASK_FIELDS}
 
 
 def describe(error: ValidationError, source: str) -> str:
     """A validation error as one line per value: its name, the value, what it must be."""
     lines = []
     for item in error.errors():
-        name = ".".join(str(part) for part in item["loc"]) or "content"
+        name = ".".join(str(part) for part in item["loc"])
         value = "" if isinstance(item["input"], dict) else f" = {item['input']!r}"
-        lines.append(f"{source}: {name}{value}: {_remedy(item['type'], item['msg'])}")
+        # where several values do not fit together, the message names them
+        what = f"{name}{value}: " if name else ""
+        lines.append(f"{source}: {what}{_remedy(item['type'], item['msg'])}")
     return "\n".join(lines)
 
 

@@ -126,4 +126,5 @@ class LeaseLoop:
             with self._lock:
                 self._lease = None
             process.waiting.done()
+            process.weights.forget()
             set_up_logging(process.kind)

@@ -24,8 +24,8 @@ from uuid import UUID
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from bpn_shared.bnn.blob import WeightBlob
 from bpn_shared.config import ConfigError, RunConfig
+from bpn_shared.weights import Weights, decode_weights
 
 State = Literal["queued", "running", "stopping", "finished", "failed", "stopped", "lost"]
 
@@ -175,7 +175,7 @@ class RunFolder:
     def weights_path(self, version: int) -> Path:
         return self.path / "weights" / f"{version:06d}.bpnw"
 
-    def newest_weights(self) -> WeightBlob:
+    def newest_weights(self) -> Weights:
         """The highest version in the folder.
 
         Raises:
@@ -185,7 +185,7 @@ class RunFolder:
         paths = sorted((self.path / "weights").glob("*.bpnw"))
         if not paths:
             raise ConfigError(f"{self.path} holds no weights yet")
-        return WeightBlob.decode(paths[-1].read_bytes())
+        return decode_weights(paths[-1].read_bytes())
 
     def append_metrics(self, record: Mapping[str, Any]) -> None:
         """Adds one iteration's record; it is on disk when this returns."""

@@ -1,8 +1,10 @@
 """The tasks that robots can do: what every service must know of each."""
 
+import re
 from dataclasses import dataclass
+from typing import Literal
 
-from bpn_shared.bnn.spec import IMAGE_SIZE_PX, NetworkSpec
+from bpn_shared.bnn.spec import IMAGE_SIZE_PX, MAX_CHANNELS, NetworkSpec
 
 CONTROL_PERIOD_S = 0.145
 """The paper's Table II."""
@@ -20,6 +22,8 @@ class Task:
         hold_action: the action that leaves the robot where it is; what a robot did when no action
             came in time (realtime pacing).
         control_period_s: time between two frames in realtime pacing.
+        frame_skip: steps of a Gymnasium environment that one action takes.
+        rewards: computed from the pixels by the learner (the paper, section VI-A), or told by the robot.
     """
 
     name: str
@@ -29,6 +33,18 @@ class Task:
     action_names: tuple[str, ...]
     hold_action: int
     control_period_s: float
+    frame_skip: int = 1
+    rewards: Literal["pixels", "robot"] = "pixels"
+
+    @property
+    def return_metric(self) -> str:
+        """Name of the mean return in metrics: `return_px`, or `return` where its unit is the environment's."""
+        return "return_px" if self.rewards == "pixels" else "return"
+
+    @property
+    def return_unit(self) -> str:
+        """What to print behind a return: " px", or nothing."""
+        return " px" if self.rewards == "pixels" else ""
 
     @property
     def actions(self) -> int:
@@ -84,13 +100,68 @@ TASKS = {
 }
 
 
-def task_named(name: str) -> Task:
-    """The task of that name.
+GYM_PREFIX = "gym:"
+"""Begins the names of tasks that are any Gymnasium environment, such as gym:CartPole-v1."""
+
+_GYM_NAME = re.compile(r"gym:([\w.-]+/)?[\w.-]+")
+
+
+def is_gym(name: str) -> bool:
+    """Whether the task is a Gymnasium environment outside of this project."""
+    return name.startswith(GYM_PREFIX)
+
+
+def check_task_name(name: str) -> None:
+    """Refuses names of tasks that cannot be.
 
     Raises:
-        ValueError: there is none; the message lists those there are.
+        ValueError: no task is named so; the message lists those there are.
+    """
+    if name not in TASKS and not _GYM_NAME.fullmatch(name):
+        raise ValueError(
+            f"task = {name!r} is unknown; one of: {', '.join(TASKS)}, gym:ENVIRONMENT-ID"
+        )
+
+
+def task_named(name: str) -> Task:
+    """One of the paper's tasks.
+
+    Raises:
+        ValueError: there is none of that name; the message lists those there are.
     """
     try:
         return TASKS[name]
     except KeyError:
         raise ValueError(f"task = {name!r} is unknown; one of: {', '.join(TASKS)}") from None
+
+
+def gym_task(
+    name: str, *, frame_channels: int, frames_stacked: int, frame_skip: int, actions: int
+) -> Task:
+    """The Gymnasium environment of that name as a task.
+
+    Raises:
+        ValueError: a value is impossible, or still missing (0).
+    """
+    if actions < 2:
+        raise ValueError(
+            f"actions = {actions}: give the number of actions of {name!r} (`bpn train` finds it out)"
+        )
+    if frame_channels not in (1, 3):
+        raise ValueError(f"frame_channels = {frame_channels} must be 1 (gray) or 3 (RGB)")
+    if not 1 <= frame_channels * frames_stacked <= MAX_CHANNELS:
+        raise ValueError(
+            f"frames_stacked = {frames_stacked} of {frame_channels} channels: an observation has at most "
+            f"{MAX_CHANNELS} channels"
+        )
+    return Task(
+        name=name,
+        env_id=name.removeprefix(GYM_PREFIX),
+        frame_channels=frame_channels,
+        frames_stacked=frames_stacked,
+        action_names=tuple(f"action {number}" for number in range(actions)),
+        hold_action=0,  # without a meaning: these tasks have no realtime pacing
+        control_period_s=CONTROL_PERIOD_S,
+        frame_skip=frame_skip,
+        rewards="robot",
+    )

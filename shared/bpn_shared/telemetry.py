@@ -13,7 +13,6 @@ from uuid import UUID
 import numpy as np
 import numpy.typing as npt
 
-from bpn_shared.bnn.blob import WeightBlob
 from bpn_shared.bus.traffic import Tally, Traffic
 from bpn_shared.messages.control import MAX_REASON
 from bpn_shared.messages.telemetry import (
@@ -24,6 +23,7 @@ from bpn_shared.messages.telemetry import (
     WeightsMark,
 )
 from bpn_shared.service import Counters, Waiting
+from bpn_shared.weights import Weights
 
 LATENCY_WINDOW_S = 10.0
 _MAX_CHUNKS = 256
@@ -72,10 +72,14 @@ class WeightsMarks:
     def __init__(self) -> None:
         self._marks: dict[WeightsEvent, WeightsMark] = {}
 
-    def note(self, event: WeightsEvent, blob: WeightBlob) -> None:
+    def note(self, event: WeightsEvent, weights: Weights) -> None:
         """Says that this happened just now."""
-        mark = WeightsMark(attempt=blob.attempt, version=blob.version, time_ns=time.time_ns())
+        mark = WeightsMark(attempt=weights.attempt, version=weights.version, time_ns=time.time_ns())
         self._marks = {**self._marks, event: mark}
+
+    def forget(self) -> None:
+        """Another run begins."""
+        self._marks = {}
 
     def snapshot(self) -> Mapping[WeightsEvent, WeightsMark]:
         return self._marks

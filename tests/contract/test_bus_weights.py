@@ -12,6 +12,7 @@ from bpn_shared.bus.latest import LatestPublisher
 from bpn_shared.bus.liveliness import AliveToken
 from bpn_shared.bus.session import Bus
 from bpn_shared.bus.weights import WeightsPublisher, WeightsSubscriber, _encode_header
+from bpn_shared.float_weights import FloatWeights
 from bpn_shared.service import Counters
 
 OpenBus = Callable[[], Bus]
@@ -32,7 +33,12 @@ class Edge:
         self.got: list[tuple[int, int]] = []
         self.counters = Counters()
         self.subscriber = WeightsSubscriber(
-            bus, RUN, SPEC, lambda b: self.got.append((b.attempt, b.version)), self.counters
+            bus,
+            RUN,
+            SPEC,
+            lambda policy: self.got.append((policy.attempt, policy.version)),
+            self.counters,
+            kind="binary",
         )
 
     @property
@@ -94,8 +100,19 @@ GOOD = blob(1, 1)
             _encode_header(GOOD),
             WeightBlob.random(NetworkSpec(1, 17, 4), np.random.default_rng(0)).encode(),
         ),
+        (_encode_header(GOOD), FloatWeights(SPEC, b"model", np.zeros(4, np.float32)).encode()),
     ],
-    ids=["no header", "truncated", "oversized", "zeros", "flipped", "version", "run", "geometry"],
+    ids=[
+        "no header",
+        "truncated",
+        "oversized",
+        "zeros",
+        "flipped",
+        "version",
+        "run",
+        "geometry",
+        "float",
+    ],
 )
 def test_what_is_not_this_runs_weights_is_refused_and_counted(
     open_bus: OpenBus, wait_for: WaitFor, header: bytes, payload: bytes

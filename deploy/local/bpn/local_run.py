@@ -20,7 +20,7 @@ from bpn.dashboard import Dashboard, DashboardAwayError
 from bpn.supervisor import Supervisor, services_of_run
 from bpn_shared.bus.metrics import MetricsSubscriber
 from bpn_shared.bus.session import Bus
-from bpn_shared.config import RunConfig
+from bpn_shared.config import ConfigError, RunConfig
 from bpn_shared.messages.metrics import MetricsBatch
 from bpn_shared.run_folder import RunFolder, State
 
@@ -56,13 +56,39 @@ def execute(
     out: Console,
     on_started: Callable[[Supervisor], None] = lambda _: None,
 ) -> None:
-    """Runs all services until the run is finished or `stop` is set; leaves no process.
+    """Runs the run and shows how it goes.
 
     Prints one line per iteration to `out`; the progress bar goes to standard error if that is a terminal.
 
     Raises:
+        ConfigError: somebody else is learning the run.
         RunFailedError: a service failed for good.
     """
+    display = _display(folder, folder.config(), endpoint, stop, out)
+    run_to_end(folder, endpoint=endpoint, stop=stop, on_started=on_started, display=display)
+
+
+def run_to_end(
+    folder: RunFolder,
+    *,
+    endpoint: str,
+    stop: threading.Event,
+    on_started: Callable[[Supervisor], None] = lambda _: None,
+    display: contextlib.AbstractContextManager[None] | None = None,
+) -> None:
+    """Runs all services until the run is finished or `stop` is set; leaves no process.
+
+    Args:
+        display: what is entered while they run.
+
+    Raises:
+        ConfigError: somebody else is learning the run.
+        RunFailedError: a service failed for good.
+    """
+    if folder.is_owned():
+        raise ConfigError(
+            f"run {folder.run} is being learned already: wait for its end, or stop it where it runs"
+        )
     config = folder.config()
     supervisor = Supervisor(
         services_of_run(folder.run, config, folder.path.parent, endpoint), folder.logs
@@ -70,12 +96,12 @@ def execute(
     try:
         supervisor.start()
         on_started(supervisor)
-        with _display(folder, config, endpoint, stop, out):
+        with display or contextlib.nullcontext():
             supervisor.wait("learner", stop)
     finally:
         supervisor.stop()
         state = folder.state()
-        if state.state not in ("finished", "failed"):
+        if state.state not in ("finished", "failed") and not folder.is_owned():
             end: State = "failed" if supervisor.failure else "stopped"
             folder.set_state(end, error=supervisor.failure)
     if supervisor.failure:
@@ -199,9 +225,10 @@ class _Display:
 
 
 def _line(record: dict[str, Any], config: RunConfig) -> str:
+    task = config.task_spec
     return (
         f"iteration {record['iteration'] + 1:3d}/{config.iterations}"
-        f"  return {record['return_px']:8.1f} px"
+        f"  return {record[task.return_metric]:8.1f}{task.return_unit}"
         f"  length {record['length']:5.1f}"
         f"  loss {record['loss']:8.4f}"
         f"  lambda {record['scale']:6.3f}"

@@ -6,7 +6,9 @@ from typing import Any, Literal, get_args, get_origin
 
 from annotated_types import Ge, Gt, Le, Lt
 
+from bpn_robot_sim.robot import gym_actions
 from bpn_shared.config import RunConfig
+from bpn_shared.tasks import is_gym
 
 _RANGES = {Ge: "≥ {}", Gt: "> {}", Le: "≤ {}", Lt: "< {}"}
 
@@ -16,8 +18,16 @@ def add_run_options(parser: argparse.ArgumentParser) -> None:
     group = parser.add_argument_group("run configuration (defaults: the task's preset)")
     for name, field in RunConfig.model_fields.items():
         if name != "task":
+            # of a yes-or-no, the option alone is a yes
+            alone: dict[str, Any] = (
+                {"nargs": "?", "const": True} if field.annotation is bool else {}
+            )
             group.add_argument(
-                f"--{name.replace('_', '-')}", dest=name, metavar=_metavar(field), help=_help(field)
+                f"--{name.replace('_', '-')}",
+                dest=name,
+                metavar=_metavar(field),
+                help=_help(field),
+                **alone,
             )
 
 
@@ -30,10 +40,15 @@ def add_runs_dir(parser: argparse.ArgumentParser) -> None:
 def config_from(options: argparse.Namespace) -> RunConfig:
     """The configuration that the options ask for.
 
+    The actions of a Gymnasium environment are found out here, once, so that no other service needs it.
+
     Raises:
-        ConfigError: a value is outside its range, named with its option.
+        ConfigError: a value is outside its range, named with its option, or the environment cannot be a task.
     """
-    return RunConfig.for_task(options.task, **given_run_options(options))
+    given = given_run_options(options)
+    if is_gym(options.task):
+        given = {"actions": gym_actions(options.task)} | given
+    return RunConfig.for_task(options.task, **given)
 
 
 def given_run_options(options: argparse.Namespace) -> dict[str, Any]:

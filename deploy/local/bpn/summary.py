@@ -16,7 +16,7 @@ def summarize(folder: RunFolder) -> dict[str, Any]:
     Returns:
         run_id, state, iterations, episodes, transitions, episodes_lost, episodes_duplicated,
         weights_version, weights_sha256 (of the policy alone: equal policies, equal digests), returns and
-        lengths (means per iteration; pixels and steps), seconds (in all iterations),
+        lengths (means per iteration; pixels, or of a gym: task its own unit; steps), seconds (in all iterations),
         edge.inference_us and loop.camera_to_action_us ({p50, p99} over all steps), loop.steps_per_s and
         learner.updates_per_s (medians over iterations; the first includes the start of the processes).
     """
@@ -42,7 +42,7 @@ def summarize(folder: RunFolder) -> dict[str, Any]:
         "episodes_duplicated": learned_from - stored,
         "weights_version": weights.version if weights else None,
         "weights_sha256": weights.content_sha256() if weights else None,
-        "returns": [round(record["return_px"], 3) for record in records],
+        "returns": [round(record[config.task_spec.return_metric], 3) for record in records],
         "lengths": [round(record["length"], 3) for record in records],
         "seconds": round(sum(record["iteration_s"] for record in records), 3),
         "edge": {"inference_us": percentiles(inference_us)},

@@ -167,7 +167,14 @@ def quiet_threads() -> dict[str, str]:
 
 
 def services_of_run(run: UUID, config: RunConfig, runs_dir: Path, endpoint: str) -> list[Service]:
-    """Router, learner, and a robot with its edge for every slot.
+    """Router, learner, and a robot with its edge for every slot."""
+    router, *slots = router_and_slots(run, config.robots, endpoint)
+    learner = ["bpn_learner", "--run", str(run), "--connect", endpoint, "--runs-dir", str(runs_dir)]
+    return [router, Service("learner", learner), *slots]
+
+
+def router_and_slots(run: UUID, robots: int, endpoint: str) -> list[Service]:
+    """All services of a run but its learner.
 
     A robot and its edge take turns, so they share a core, the first pair with the router: waking a thread
     on another core that has gone to sleep costs more than what it then does. Runs side by side start at
@@ -175,14 +182,12 @@ def services_of_run(run: UUID, config: RunConfig, runs_dir: Path, endpoint: str)
     """
     cores = sorted(os.sched_getaffinity(0))
     first = run.int % len(cores)
-    place = ["--run", str(run), "--connect", endpoint]
     services = [
-        Service("router", ["bpn_shared.bus.router", "--listen", endpoint], core=cores[first]),
-        Service("learner", ["bpn_learner", *place, "--runs-dir", str(runs_dir)]),
+        Service("router", ["bpn_shared.bus.router", "--listen", endpoint], core=cores[first])
     ]
-    for slot in range(config.robots):
+    for slot in range(robots):
         core = cores[(first + slot) % len(cores)]
-        there = [*place, "--slot", str(slot)]
+        there = ["--run", str(run), "--connect", endpoint, "--slot", str(slot)]
         services.append(Service(f"robot-{slot}", ["bpn_robot_sim", *there], core=core))
         services.append(Service(f"edge-{slot}", ["bpn_edge", *there], core=core))
     return services

@@ -5,11 +5,10 @@ import asyncio
 import json
 import logging
 import os
-import secrets
 import socket
 import sys
 import threading
-from collections.abc import AsyncIterator, Iterator
+from collections.abc import AsyncIterator, Iterator, Sequence
 from contextlib import ExitStack, asynccontextmanager, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,8 +22,11 @@ from bpn_dashboard.access.guard import is_loopback
 from bpn_dashboard.access.tokens import LINK_S
 from bpn_dashboard.api.app import Application, create_app
 from bpn_dashboard.api.context import Context, identify
+from bpn_dashboard.api.models import Run
 from bpn_dashboard.api.problems import ApiError
 from bpn_dashboard.database.engine import Database, DatabaseError, sqlite_url
+from bpn_dashboard.database.tables import RunRow
+from bpn_dashboard.hub import presence
 from bpn_dashboard.hub.hub import Hub
 from bpn_dashboard.hub.websocket import UVICORN_OPTIONS, live_route
 from bpn_dashboard.registry.dispatcher import Dispatcher
@@ -33,7 +35,13 @@ from bpn_dashboard.series.ingest import Ingest
 from bpn_shared.bus.session import DEFAULT_ENDPOINT, Bus, BusError
 from bpn_shared.config import ConfigError, RunConfig
 from bpn_shared.run_folder import write_atomically
-from bpn_shared.service import Counters, end_with_supervisor, set_up_logging
+from bpn_shared.service import (
+    Counters,
+    end_with_supervisor,
+    new_worker_id,
+    set_up_logging,
+    stop_on_signals,
+)
 
 log = logging.getLogger(__name__)
 
@@ -141,6 +149,7 @@ def build(options: argparse.Namespace, database: Database) -> tuple[Application,
     @asynccontextmanager
     async def lifespan(_app: FastAPI) -> AsyncIterator[None]:
         stop = threading.Event()
+        await asyncio.to_thread(runs.adopt)  # whether the bus is reached or not
         context.ingest.start()
         joining = asyncio.create_task(_join_bus(options, context, live, stop))
         try:
@@ -170,12 +179,21 @@ async def _join_bus(
     except BusError as error:
         log.info("%s", error)
         return
-    live.hub = Hub(bus, options.runs_dir, context.counters, secrets.token_hex(8))
+    name = new_worker_id(presence.KIND)
+    hub = live.hub = Hub(bus, options.runs_dir, context.counters, name)
+
+    def publish(rows: Sequence[RunRow]) -> None:
+        for row in rows:
+            hub.publish("runs", Run.of(row).model_dump(mode="json"))
+
+    context.runs.subscribe(publish)
+    present = presence.Presence(bus, name, context.counters)
     dispatcher = Dispatcher(bus, context.runs, context.counters)
     await asyncio.to_thread(dispatcher.start)
     await asyncio.to_thread(stop.wait)
     await asyncio.to_thread(dispatcher.close)
-    live.hub.close()
+    hub.close()
+    await asyncio.to_thread(present.close)
     await asyncio.to_thread(bus.close)
 
 
@@ -184,6 +202,7 @@ def main(argv: list[str] | None = None) -> int:
     options = argument_parser().parse_args(argv)
     set_up_logging("dashboard")
     logging.getLogger("alembic").setLevel(logging.WARNING)
+    stop = stop_on_signals()
     end_with_supervisor()
     try:
         check_options(options)
@@ -213,9 +232,23 @@ def main(argv: list[str] | None = None) -> int:
             ssl_keyfile=options.key,
             **UVICORN_OPTIONS,
         )
-        with suppress(KeyboardInterrupt):
-            uvicorn.Server(config).run(sockets=[listener])
+        server = _Server(config)
+        threading.Thread(target=server.exit_after, args=(stop,), daemon=True).start()
+        server.run(sockets=[listener])
     return 0
+
+
+class _Server(uvicorn.Server):
+    """Leaves signals to us: uvicorn's own handling ends the process by the signal, past our clean-up."""
+
+    @contextmanager
+    def capture_signals(self) -> Iterator[None]:
+        yield
+
+    def exit_after(self, stop: threading.Event) -> None:
+        """Lets the server end when the event is set."""
+        stop.wait()
+        self.should_exit = True
 
 
 def _listen(host: str, port: int) -> socket.socket:
@@ -224,6 +257,7 @@ def _listen(host: str, port: int) -> socket.socket:
     listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     try:
         listener.bind((host, port))
+        listener.listen()  # who follows the link at once waits for us, and is not refused
     except OSError as error:
         listener.close()
         raise ConfigError(f"--host {host} --port {port}: {error.strerror}; try --port 0") from error

@@ -2,19 +2,17 @@
 
 import time
 
-import numpy as np
-import numpy.typing as npt
-
 from bpn_shared import keys
 from bpn_shared.bus.sampled import SampledPublisher
 from bpn_shared.messages.action import Action
 from bpn_shared.messages.control import Assignment
 from bpn_shared.messages.decision import Decision
+from bpn_shared.outputs import Outputs
 from bpn_shared.worker import Worker
 
 RATE_HZ = 20.0
 
-_Noted = tuple[Assignment, Action, npt.NDArray[np.int32], int]
+_Noted = tuple[Assignment, Action, Outputs, int]
 
 
 class DecisionFeed:
@@ -30,7 +28,7 @@ class DecisionFeed:
             worker.bus, keys.decision(worker.run, worker.slot), RATE_HZ, self._encode
         )
 
-    def note(self, assignment: Assignment, action: Action, outputs: npt.NDArray[np.int32]) -> None:
+    def note(self, assignment: Assignment, action: Action, outputs: Outputs) -> None:
         """Takes a decision whose action has been sent."""
         if self._publisher.watched:
             self._publisher.offer((assignment, action, outputs, time.time_ns()))

@@ -16,12 +16,13 @@ from bpn_shared.messages.action import Action
 from bpn_shared.messages.control import Assignment, Reset
 from bpn_shared.messages.episode import Episode
 from bpn_shared.messages.frame import FrameHeader
+from bpn_shared.outputs import Outputs
 from bpn_shared.seeds import action_uniform
 from bpn_shared.tasks import Task
 from bpn_shared.worker import Worker
 
-Choose = Callable[[npt.NDArray[np.int32], float], int]
-"""From o int32[|A|] and a uniform number in [0, 1) to an action."""
+Choose = Callable[[Outputs, float], int]
+"""From outputs [|A|] and a uniform number in [0, 1) to an action."""
 
 _LOOK_AROUND_S = 0.2
 
@@ -188,11 +189,11 @@ class _Game:
     def _finish(self) -> None:
         for name, durations_us in self._recorder.latencies_us().items():
             self._worker.latencies.add(name, durations_us)
-        blob = self._memory.blob
+        weights = self._memory.weights
         self.episode = self._recorder.finish(
             self._assignment,
             slot=self._worker.slot,
             worker=self._worker.id,
-            weights_attempt=blob.attempt if blob else 0,
+            weights_attempt=weights.attempt if weights else 0,
         )
         self.over.set()

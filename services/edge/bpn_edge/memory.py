@@ -6,14 +6,18 @@ import threading
 import numpy as np
 import numpy.typing as npt
 
-from bpn_edge.kernel import load
+from bpn_edge.kernel import Kernel, load
 from bpn_shared.bnn import golden
-from bpn_shared.bnn.blob import WeightBlob
-from bpn_shared.bnn.spec import NetworkSpec
+from bpn_shared.bnn.blob import BlobError, WeightBlob
 from bpn_shared.config import Kernel as KernelName
+from bpn_shared.outputs import Outputs
 from bpn_shared.service import Counters
+from bpn_shared.weights import Weights
 
 log = logging.getLogger(__name__)
+
+_FLOAT_TOLERANCE = 1e-3
+"""Of P's magnitude: far above what another order of summation changes, far below what a wrong model does."""
 
 
 class WeightMemory:
@@ -23,36 +27,31 @@ class WeightMemory:
     drives the robot, so a swap falls between two frames and never within one.
     """
 
-    def __init__(self, kernel: KernelName, spec: NetworkSpec, counters: Counters) -> None:
+    def __init__(self, kernel: KernelName, counters: Counters) -> None:
         self._active, self._idle = load(kernel), load(kernel)
         self._counters = counters
         self._changed = threading.Condition()
-        self._offered: WeightBlob | None = None
-        self.blob: WeightBlob | None = None
+        self._offered: Weights | None = None
+        self.weights: Weights | None = None
         """What the active bank holds."""
-        # any fixed picture serves: a wrong bit anywhere upstream of o would have to cancel out
-        self._probe = np.random.default_rng(0).integers(
-            0, 256, spec.observation_shape, dtype=np.uint8
-        )
 
-    def offer(self, blob: WeightBlob) -> bool:
-        """Loads a blob into the idle bank and verifies the bank against the golden model.
+    def offer(self, weights: Weights) -> bool:
+        """Loads a policy into the idle bank and verifies the bank.
 
         Returns:
             False if the bank failed the verification; it is not used.
         """
         with self._changed:
-            self._idle.load(blob)
-            expected = golden.forward(blob, self._probe)[-1]
-            if not np.array_equal(self._idle.run(self._probe), expected):
+            try:
+                self._idle.load(weights)
+                verify(self._idle, weights)
+            except BlobError as error:
                 self._offered = None
                 self._counters.refuse(
-                    "weights_failed_verification",
-                    f"the {self._idle.name} kernel computes version {blob.version} wrongly; "
-                    "the bank is not used (try --kernel golden)",
+                    "weights_failed_verification", f"version {weights.version} is not used: {error}"
                 )
                 return False
-            self._offered = blob
+            self._offered = weights
             self._changed.notify_all()
             return True
 
@@ -67,15 +66,37 @@ class WeightMemory:
             offered = self._offered
             if offered is not None and offered.version == version:
                 self._active, self._idle = self._idle, self._active
-                self.blob, self._offered = offered, None
+                self.weights, self._offered = offered, None
                 log.info("runs weights version %d of attempt %d", offered.version, offered.attempt)
-            return self.blob is not None and self.blob.version == version
+            return self.weights is not None and self.weights.version == version
 
     def _holds(self, version: int) -> bool:
         return any(
-            blob is not None and blob.version == version for blob in (self.blob, self._offered)
+            weights is not None and weights.version == version
+            for weights in (self.weights, self._offered)
         )
 
-    def run(self, observation: npt.NDArray[np.uint8]) -> npt.NDArray[np.int32]:
-        """o, int32[|A|], of an observation uint8[C, 84, 84] under the active bank."""
+    def run(self, observation: npt.NDArray[np.uint8]) -> Outputs:
+        """Outputs [|A|] of an observation uint8[C, 84, 84] under the active bank."""
         return self._active.run(observation)
+
+
+def verify(kernel: Kernel, weights: Weights) -> None:
+    """Runs a probe: a binarized policy as the golden model does, a float one to P as the learner has it.
+
+    Raises:
+        BlobError: the kernel, which holds the policy, computes something else.
+    """
+    probe = weights.spec.probe()
+    found = kernel.run(probe)
+    if isinstance(weights, WeightBlob):
+        if not np.array_equal(found, golden.forward(weights, probe)[-1]):
+            raise BlobError(f"the {kernel.name} kernel computes it wrongly (try --kernel golden)")
+        return
+    expected = weights.probe_outputs
+    tolerance = _FLOAT_TOLERANCE * float(np.abs(expected).max())
+    if not np.allclose(found, expected, rtol=0, atol=tolerance):
+        raise BlobError(
+            f"the {kernel.name} kernel computes P of the probe as {found.tolist()}, the learner "
+            f"as {expected.tolist()}"
+        )

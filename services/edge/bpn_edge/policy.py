@@ -1,4 +1,4 @@
-"""From the network's integers to an action: softmax (the paper's Eq. 9) or epsilon-greedy (DQN).
+"""From the network's outputs to an action: softmax (the paper's Eq. 9) or epsilon-greedy (DQN).
 
 Plain floats on purpose: for |A| <= 64 numbers numpy's calls cost more than the arithmetic, and this is
 on the way from camera to action.
@@ -7,17 +7,16 @@ on the way from camera to action.
 from math import exp
 
 import numpy as np
-import numpy.typing as npt
 
-Outputs = npt.NDArray[np.int32]
+from bpn_shared.outputs import Outputs
 
 
 def softmax_weights(outputs: Outputs, scale: float, beta: float) -> list[float]:
-    """pi(a|s) up to its sum: exp(beta (P(s,a) - max_b P(s,b))) with P = lambda * o (Eq. 9, 14).
+    """pi(a|s) up to its sum: exp(beta (P(s,a) - max_b P(s,b))) with P = scale * outputs (Eq. 9, 14).
 
     Args:
-        outputs: o, int32[|A|].
-        scale: lambda.
+        outputs: [|A|], o or P.
+        scale: lambda, or 1.
         beta: inverse temperature.
 
     Returns:

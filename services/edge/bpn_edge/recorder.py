@@ -7,6 +7,7 @@ from bpn_shared.messages.control import Assignment
 from bpn_shared.messages.episode import Episode, EpisodeMeta
 from bpn_shared.messages.frame import FrameHeader, FrameKind
 from bpn_shared.observation import stack
+from bpn_shared.outputs import Outputs
 from bpn_shared.tasks import Task
 
 
@@ -17,7 +18,7 @@ class EpisodeRecorder:
         self._task = task
         self._headers: list[FrameHeader] = []
         self._frames: list[npt.NDArray[np.uint8]] = []
-        self._outputs: list[npt.NDArray[np.int32]] = []
+        self._outputs: list[Outputs] = []
         self._inference_ns: list[int] = []
         self._received_ns: list[int] = []
         self._edge_ns: list[int] = []
@@ -39,7 +40,7 @@ class EpisodeRecorder:
         """s_t after the newest frame, uint8[C, 84, 84]."""
         return stack(self._frames, len(self._frames) - 1, self._task.frames_stacked)
 
-    def add_outputs(self, outputs: npt.NDArray[np.int32], inference_ns: int, edge_ns: int) -> None:
+    def add_outputs(self, outputs: Outputs, inference_ns: int, edge_ns: int) -> None:
         """Appends what the network said to the newest observation, and how long it and the edge took."""
         self._outputs.append(outputs)
         self._inference_ns.append(inference_ns)
@@ -87,6 +88,7 @@ class EpisodeRecorder:
             ),
             frames=np.stack(self._frames),
             actions=np.array([header.applied_action for header in later], np.uint8),
+            rewards=np.array([header.reward for header in later], np.float64),
             outputs=np.stack(self._outputs),
             inference_ns=np.array(self._inference_ns, np.uint32),
             camera_to_action_ns=np.array(

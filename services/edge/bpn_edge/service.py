@@ -1,6 +1,7 @@
 """`bpn-edge`: the policy at the robot. Frames in, actions out; episodes to the learner."""
 
 import logging
+from contextlib import closing
 
 from bpn_edge.decisions import DecisionFeed
 from bpn_edge.driver import Choose, EpisodeDriver
@@ -8,12 +9,12 @@ from bpn_edge.learner_link import LearnerLink
 from bpn_edge.memory import WeightMemory
 from bpn_edge.policy import epsilon_greedy_action, softmax_action
 from bpn_edge.robot_link import RobotLink
-from bpn_shared.bnn.blob import WeightBlob
 from bpn_shared.bus.weights import WeightsSubscriber
 from bpn_shared.config import RunConfig
 from bpn_shared.entry import run_slot_worker
 from bpn_shared.messages.base import MessageError
 from bpn_shared.messages.control import Assignment
+from bpn_shared.weights import Weights
 from bpn_shared.worker import EXIT_FINISHED, Worker
 
 log = logging.getLogger(__name__)
@@ -24,8 +25,8 @@ _SILENCE_S = 1.0
 
 
 def chooser(config: RunConfig, assignment: Assignment, scale: float) -> Choose:
-    """The policy of the run's algorithm, for one episode."""
-    if config.algorithm == "bpn":
+    """The policy that an episode is to be played with."""
+    if assignment.policy == "softmax":
         return lambda outputs, uniform: softmax_action(outputs, scale, config.beta, uniform)
     return lambda outputs, uniform: epsilon_greedy_action(outputs, assignment.epsilon, uniform)
 
@@ -33,48 +34,54 @@ def chooser(config: RunConfig, assignment: Assignment, scale: float) -> Choose:
 def serve(worker: Worker, config: RunConfig) -> int:
     """Plays what the learner assigns, until there is no more or the worker is stopped."""
     task = config.task_spec
-    memory = WeightMemory(config.kernel, config.network, worker.counters)
+    memory = WeightMemory(config.kernel, worker.counters)
 
-    def load(blob: WeightBlob) -> None:
-        if memory.offer(blob):
-            worker.weights.note("loaded", blob)
+    def load(weights: Weights) -> None:
+        if memory.offer(weights):
+            worker.weights.note("loaded", weights)
 
-    weights = WeightsSubscriber(worker.bus, worker.run, config.network, load, worker.counters)
-    period_s = task.control_period_s if config.pacing == "realtime" else 0.0
-    feed = DecisionFeed(worker)
-    driver = EpisodeDriver(
-        worker,
-        task,
-        RobotLink(worker, task),
-        memory,
-        feed,
-        steps=config.steps,
-        silence_s=max(_SILENCE_S, 5 * period_s),
+    subscriber = WeightsSubscriber(
+        worker.bus,
+        worker.run,
+        config.network,
+        load,
+        worker.counters,
+        kind=config.algorithm_spec.network,
     )
-    learner = LearnerLink(worker)
-    while not worker.stop.is_set():
-        assignment = _ask(learner, worker)
-        if assignment is None:
-            continue
-        if assignment.verdict == "finished":
-            log.info("the run is finished")
-            break
-        if assignment.verdict == "wait":
-            worker.waiting.set(assignment.reason)
-            worker.stop.wait(_POLL_S)
-            continue
-        if not memory.activate(assignment.weights_version, _WEIGHTS_TIMEOUT_S):
-            worker.waiting.set(f"weights version {assignment.weights_version}")
-            weights.refresh()
-            continue
-        worker.waiting.done()
-        assert memory.blob is not None  # activate() said so
-        worker.weights.note("running", memory.blob)
-        feed.scale = memory.blob.scale
-        episode = driver.play(assignment, chooser(config, assignment, memory.blob.scale))
-        if episode is not None:
-            learner.deliver(episode)
-    feed.close()
+    period_s = task.control_period_s if config.pacing == "realtime" else 0.0
+    with closing(DecisionFeed(worker)) as feed:
+        driver = EpisodeDriver(
+            worker,
+            task,
+            RobotLink(worker, task),
+            memory,
+            feed,
+            steps=config.steps,
+            silence_s=max(_SILENCE_S, 5 * period_s),
+        )
+        learner = LearnerLink(worker)
+        while not worker.stop.is_set():
+            assignment = _ask(learner, worker)
+            if assignment is None:
+                continue
+            if assignment.verdict == "finished":
+                log.info("the run is finished")
+                break
+            if assignment.verdict == "wait":
+                worker.waiting.set(assignment.reason)
+                worker.stop.wait(_POLL_S)
+                continue
+            if not memory.activate(assignment.weights_version, _WEIGHTS_TIMEOUT_S):
+                worker.waiting.set(f"weights version {assignment.weights_version}")
+                subscriber.refresh()
+                continue
+            worker.waiting.done()
+            assert memory.weights is not None  # activate() said so
+            worker.weights.note("running", memory.weights)
+            feed.scale = memory.weights.scale
+            episode = driver.play(assignment, chooser(config, assignment, memory.weights.scale))
+            if episode is not None:
+                learner.deliver(episode)
     return EXIT_FINISHED
 
 

@@ -20,3 +20,18 @@ class Kernel:
         beta_gradient: npt.NDArray[np.float32],
         /,
     ) -> tuple[float, float]: ...
+
+class FloatKernel:
+    def __init__(self, path: str, channels: int, nodes: int, actions: int, /) -> None: ...
+    def gradients(
+        self,
+        observations: npt.NDArray[np.uint8],
+        batch: npt.NDArray[np.int64],
+        actions: npt.NDArray[np.int64],
+        targets: npt.NDArray[np.float32],
+        weights: npt.NDArray[np.float32],
+        biases: npt.NDArray[np.float32],
+        weights_gradient: npt.NDArray[np.float32],
+        biases_gradient: npt.NDArray[np.float32],
+        /,
+    ) -> float: ...

@@ -10,6 +10,8 @@ import time
 from collections.abc import Callable, Container
 from dataclasses import dataclass
 
+import numpy as np
+
 from bpn_shared.config import RunConfig
 from bpn_shared.messages.base import MessageError
 from bpn_shared.messages.control import Assignment, EpisodeReceipt, NextEpisode
@@ -111,6 +113,7 @@ class EpisodeLedger:
                 seed=episode_seed(self._config.seed, self._iteration, episode),
                 weights_attempt=self._attempt,
                 weights_version=self._iteration,  # theta-minus has seen as many updates
+                policy=self._config.policy,
                 epsilon=self._config.epsilon(self._iteration),
             )
 
@@ -165,7 +168,16 @@ def why_invalid(episode: Episode, config: RunConfig) -> str | None:
         return f"an iteration has episodes 0..{config.episodes - 1}"
     if meta.seed != episode_seed(config.seed, meta.iteration, meta.episode):
         return f"seed {meta.seed} is another run's"
-    if episode.steps > config.steps or (episode.steps < config.steps and not meta.failed):
+    outputs = "int32" if config.algorithm_spec.network == "binary" else "float32"
+    if episode.outputs.dtype.name != outputs:
+        return f"outputs are {episode.outputs.dtype.name}, {config.algorithm} has {outputs}"
+    told = config.task_spec.rewards == "robot"
+    if told and not np.isfinite(episode.rewards).all():
+        return "not every step has a reward, the task's come from the robot"
+    may_be_short = (
+        meta.failed or told
+    )  # such an environment may end an episode for reasons of its own
+    if episode.steps > config.steps or (episode.steps < config.steps and not may_be_short):
         return f"{episode.steps} steps, an episode of this run has {config.steps}"
     return None
 

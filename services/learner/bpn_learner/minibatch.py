@@ -10,7 +10,7 @@ import torch
 from torch import Tensor
 
 from bpn_learner import _native
-from bpn_learner.networks import BinaryNetwork, PNetwork
+from bpn_learner.networks import BinaryNetwork, FloatNetwork, PNetwork
 from bpn_shared.config import Engine
 
 Gradients = Callable[[Tensor], Tensor | float]
@@ -27,8 +27,7 @@ def minibatch_gradients(
 ) -> Gradients:
     """The engine's gradients of a network in training mode.
 
-    "fast" is the kernel for a binarized network on a CPU; there is none for the float networks and for a
-    GPU, which compute as "plain" does.
+    "fast" is the kernel, on a CPU; there is none for a GPU, which computes as "plain" does.
 
     Args:
         observations: uint8[n, C, 84, 84], channels-last in memory.
@@ -36,8 +35,11 @@ def minibatch_gradients(
         y: targets, float32[n].
     """
     pixels = observations.permute(0, 2, 3, 1)
-    if engine == "fast" and isinstance(network, BinaryNetwork) and not pixels.is_cuda:
-        return native_gradients(network, pixels, actions, y)
+    if engine == "fast" and not pixels.is_cuda:
+        if isinstance(network, BinaryNetwork):
+            return native_gradients(network, pixels, actions, y)
+        if isinstance(network, FloatNetwork):
+            return native_float_gradients(network, pixels, actions, y)
     return autograd_gradients(network, pixels, actions, y)
 
 
@@ -88,6 +90,28 @@ def native_gradients(
             latent, gamma, beta, network.log_scale.item(), d_latent, d_gamma, d_beta,
         )  # fmt: skip
         grads[-1].fill_(d_log_scale)
+        for parameter, grad in zip(parameters, grads, strict=True):
+            parameter.grad = grad
+        return loss
+
+    return gradients
+
+
+def native_float_gradients(
+    network: FloatNetwork, pixels: Tensor, actions: Tensor, y: Tensor, *, path: str | None = None
+) -> Gradients:
+    """By the kernel for float networks; otherwise as `native_gradients`."""
+    spec = network.spec
+    kernel = _native.FloatKernel(
+        path or available_paths()[0], spec.channels, spec.nodes, spec.actions
+    )
+    parameters = (network.weights, network.biases)
+    grads = [torch.zeros_like(parameter) for parameter in parameters]
+    arrays = [t.detach().numpy() for t in (*parameters, *grads)]  # they share the tensors' memory
+    observations, taken, targets = pixels.numpy(), actions.numpy(), y.numpy()
+
+    def gradients(batch: Tensor) -> float:
+        loss = kernel.gradients(observations, batch.numpy(), taken, targets, *arrays)
         for parameter, grad in zip(parameters, grads, strict=True):
             parameter.grad = grad
         return loss

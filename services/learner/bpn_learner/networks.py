@@ -1,8 +1,9 @@
-"""P-networks of the paper's geometry: binarized (BPN, BQN) and floating point (CVI, DQN).
+"""P-networks of the paper's geometry: binarized (BPN, BQN) and floating point (CVI, DPP, DQN).
 
-All latent weights of a binarized network are one vector in the weight blob's order (layer; out, kernel
-row, kernel column, input channel). That is also the memory order of channels-last convolution kernels,
-so export is `sign` alone; and one vector is one kernel launch for signs, optimizer and clipping.
+All weights of a network (of a binarized one, the latent weights) are one vector in the weight blob's
+order (layer; out, kernel row, kernel column, input channel). That is also the memory order of
+channels-last convolution kernels, so export is `sign` alone; and one vector is one kernel launch for
+signs, optimizer and clipping.
 
 Inputs are pixel values 0..255 in float32. Every sum a binarized layer can form is an integer below
 2**24 (conv1: at most 255 * 64 * 16), so float32 holds it exactly, in any order of summation.
@@ -13,6 +14,7 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from bpn_learner.binarize import sign
+from bpn_shared.algorithms import NetworkKind
 from bpn_shared.bnn.spec import MAX_PIXEL, Layer, NetworkSpec
 
 BATCH_NORM_EPSILON = 1e-5
@@ -133,7 +135,11 @@ class BinaryNetwork(PNetwork):
 
 
 class FloatNetwork(PNetwork):
-    """The same geometry in floating point: pixels / 255, biases, ReLU; the network of CVI and DQN.
+    """The same geometry in floating point: pixels / 255, biases, ReLU; the network of CVI, DPP and DQN.
+
+    Attributes:
+        weights: float32[weight_bits], in the weight blob's order as `BinaryNetwork.latent`.
+        biases: float32[channels of layers 1-5 together].
 
     Args:
         spec: geometry.
@@ -142,38 +148,67 @@ class FloatNetwork(PNetwork):
 
     def __init__(self, spec: NetworkSpec, *, generator: torch.Generator) -> None:
         super().__init__(spec)
-        conv1, conv2, conv3, fc1, fc2 = spec.layers
-        self.parts = nn.Sequential(
-            *(_convolution(conv1), nn.ReLU(), _convolution(conv2), nn.ReLU()),
-            *(_convolution(conv3), nn.ReLU(), nn.Flatten()),
-            *(nn.Linear(fc1.fan_in, fc1.out_channels), nn.ReLU()),
-            nn.Linear(fc2.fan_in, fc2.out_channels),
-        )
-        trained = (part for part in self.parts if isinstance(part, nn.Conv2d | nn.Linear))
-        for layer, part in zip(spec.layers, trained, strict=True):
-            for parameter in part.parameters():
-                bound = layer.fan_in**-0.5
-                nn.init.uniform_(parameter, -bound, bound, generator=generator)
+        self._weight_sizes = [layer.out_channels * layer.fan_in for layer in spec.layers]
+        self._bias_sizes = [layer.out_channels for layer in spec.layers]
+
+        def drawn(sizes: list[int]) -> nn.Parameter:
+            bounds = [layer.fan_in**-0.5 for layer in spec.layers]
+            parts = [
+                torch.empty(size).uniform_(-bound, bound, generator=generator)
+                for size, bound in zip(sizes, bounds, strict=True)
+            ]
+            return nn.Parameter(torch.cat(parts))
+
+        self.weights, self.biases = drawn(self._weight_sizes), drawn(self._bias_sizes)
 
     def forward(self, pixels: Tensor) -> Tensor:
-        preferences: Tensor = self.parts(pixels / MAX_PIXEL)
-        return preferences
+        x = pixels
+        for index, (weights, bias) in enumerate(self.affine()):
+            x = dot_products(self.spec.layers[index], weights, x if index == 0 else x.relu(), bias)
+        return x.flatten(1)
+
+    def affine(self) -> list[tuple[Tensor, Tensor]]:
+        """Weights float32[out, fan_in] and biases float32[out] per layer; the first takes 0..255."""
+        weights = torch.split(self.weights, self._weight_sizes)
+        biases = torch.split(self.biases, self._bias_sizes)
+        # conv1 is divided by 255 in place of the pixels: there are fewer weights than pixels
+        inputs = (MAX_PIXEL, 1, 1, 1, 1)
+        return [
+            (w.view(layer.weight_shape) / largest, b)
+            for layer, w, b, largest in zip(self.spec.layers, weights, biases, inputs, strict=True)
+        ]
 
 
-def dot_products(layer: Layer, signs: Tensor, x: Tensor) -> Tensor:
-    """Integers o = sum Sign(w) x (section III-C): a convolution, or a product where one patch is all input.
+def make_network(
+    kind: NetworkKind, spec: NetworkSpec, *, scale_initial: float, generator: torch.Generator
+) -> PNetwork:
+    """A network of that kind; lambda is the binarized one's alone."""
+    if kind == "float":
+        return FloatNetwork(spec, generator=generator)
+    return BinaryNetwork(spec, scale_initial=scale_initial, generator=generator)
+
+
+def dot_products(layer: Layer, weights: Tensor, x: Tensor, bias: Tensor | None = None) -> Tensor:
+    """Sums of w x, with Sign(w) the paper's o (section III-C): a convolution, or one product for all input.
 
     Args:
-        signs: float32[out, fan_in], fan_in in the order (kernel row, kernel column, channel).
+        weights: float32[out, fan_in], fan_in in the order (kernel row, kernel column, channel).
         x: float32[B, in_channels, in_size, in_size]; channels-last in memory is fastest.
+        bias: float32[out].
 
     Returns:
         float32[B, out_channels, out_size, out_size].
     """
     if layer.out_size == 1:
-        return functional.linear(x.permute(0, 2, 3, 1).flatten(1), signs)[:, :, None, None]
-    kernel = signs.view(-1, layer.kernel, layer.kernel, layer.in_channels).permute(0, 3, 1, 2)
-    return functional.conv2d(x, kernel, stride=layer.stride)
+        rows = x.permute(0, 2, 3, 1).flatten(1)
+        return functional.linear(rows, weights, bias)[:, :, None, None]
+    return functional.conv2d(x, as_kernels(layer, weights), bias, stride=layer.stride)
+
+
+def as_kernels(layer: Layer, weights: Tensor) -> Tensor:
+    """Weights [out, fan_in] as torch's [out, in_channels, kernel, kernel], channels-last in memory."""
+    shape = (layer.out_channels, layer.kernel, layer.kernel, layer.in_channels)
+    return weights.view(shape).permute(0, 3, 1, 2)
 
 
 def exact_dot_products(layer: Layer, signs: Tensor, x: Tensor) -> Tensor:
@@ -198,7 +233,3 @@ def _variance(layer: Layer) -> Tensor:
     """Before any data: what random signs give with inputs +-1, or pixels uniform in 0..255."""
     mean_square = layer.max_input**2 / (3 if layer.max_input == MAX_PIXEL else 1)
     return torch.full((layer.out_channels,), layer.fan_in * mean_square, dtype=torch.float64)
-
-
-def _convolution(layer: Layer) -> nn.Conv2d:
-    return nn.Conv2d(layer.in_channels, layer.out_channels, layer.kernel, layer.stride)

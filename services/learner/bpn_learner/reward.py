@@ -11,13 +11,25 @@ from bpn_learner.disc import disc_centre_px
 from bpn_shared.bnn.spec import IMAGE_SIZE_PX
 from bpn_shared.framing import nearest_on_border, reward_px
 from bpn_shared.markers import HAND_LEVEL, PAN_TILT_MARKER, TARGET_LEVEL, TRACKING_TARGET, Disc
+from bpn_shared.messages.episode import Episode
+from bpn_shared.tasks import Task
 
 Frames = npt.NDArray[np.uint8]
 Rewards = npt.NDArray[np.float64]
+Positions = npt.NDArray[np.float64]
 
 
 class RewardError(ValueError):
     """A frame does not show what the reward is computed from; the message names the frame."""
+
+
+def episode_rewards(task: Task, episode: Episode) -> Rewards:
+    """r_1..r_T of an episode, unscaled: from its pixels, or as the robot told them where the task says so.
+
+    Raises:
+        RewardError: the frames do not show what the reward is computed from.
+    """
+    return episode.rewards if task.rewards == "robot" else rewards(task.name, episode.frames)
 
 
 def rewards(task: str, frames: Frames) -> Rewards:
@@ -53,19 +65,31 @@ def reaching_rewards(frames: Frames) -> Rewards:
     Raises:
         RewardError: the frames have another shape, or a marker is missing.
     """
+    target_px, hands_px = reaching_path_px(frames)
+    offsets_px = hands_px[1:] - target_px
+    return -np.hypot(offsets_px[:, 0], offsets_px[:, 1])
+
+
+def reaching_path_px(frames: Frames) -> tuple[Positions, Positions]:
+    """Where the target is and where the hand is in every frame, from the pixels.
+
+    Args:
+        frames: uint8[T+1, 1, 84, 84].
+
+    Returns:
+        float64[2] and float64[T+1, 2], (x, y) in pixels.
+
+    Raises:
+        RewardError: the frames have another shape, or a marker is missing.
+    """
     _check(frames, channels=1)
     target_px = _centroid_px(frames, 0, TARGET_LEVEL, "target")
-    hands_px = [_centroid_px(frames, t, HAND_LEVEL, "hand") for t in range(1, len(frames))]
-    offsets_px = np.array(hands_px, np.float64).reshape(-1, 2) - target_px
-    return -np.hypot(offsets_px[:, 0], offsets_px[:, 1])
+    hands_px = [_centroid_px(frames, t, HAND_LEVEL, "hand") for t in range(len(frames))]
+    return np.array(target_px), np.array(hands_px, np.float64)
 
 
 def framing_rewards(frames: Frames, target: Disc) -> Rewards:
     """Minus the distance in pixels between the target's centre and the frame's.
-
-    Where the border cuts the target, its centre is that of the disc fitted to what is left. A centre
-    outside, in the last frame of a lost target, counts as the nearest point of the border. A target of
-    which nothing is left counts as the point of the border nearest to where it was seen last.
 
     Args:
         frames: uint8[T+1, 3, 84, 84].
@@ -77,10 +101,31 @@ def framing_rewards(frames: Frames, target: Disc) -> Rewards:
     Raises:
         RewardError: the frames have another shape, or the first one shows no target.
     """
+    path_px = target_path_px(frames, target)
+    return np.array([reward_px(x_px, y_px) for x_px, y_px in path_px[1:].tolist()], np.float64)
+
+
+def target_path_px(frames: Frames, target: Disc) -> Positions:
+    """Where the target's centre is in every frame, from the pixels.
+
+    Where the border cuts the target, its centre is that of the disc fitted to what is left. A centre
+    outside, in the last frame of a lost target, counts as the nearest point of the border. A target of
+    which nothing is left counts as the point of the border nearest to where it was seen last.
+
+    Args:
+        frames: uint8[T+1, 3, 84, 84].
+        target: what the target looks like.
+
+    Returns:
+        float64[T+1, 2], (x, y) in pixels.
+
+    Raises:
+        RewardError: the frames have another shape, or the first one shows no target.
+    """
     _check(frames, channels=3)
     colour = np.array(target.rgb, np.uint8)[:, None, None]
     seen_px: tuple[float, float] | None = None
-    values: list[float] = []
+    path_px: list[tuple[float, float]] = []
     for frame in frames:
         mask = (frame == colour).all(axis=0).astype(np.uint8)
         centre_px = disc_centre_px(mask, target.radius_px)
@@ -92,8 +137,8 @@ def framing_rewards(frames: Frames, target: Disc) -> Rewards:
             )
         else:
             seen_px = nearest_on_border(*seen_px)
-        values.append(reward_px(*seen_px))
-    return np.array(values[1:], np.float64)
+        path_px.append(seen_px)
+    return np.array(path_px, np.float64)
 
 
 def _centroid_px(frames: Frames, index: int, level: int, name: str) -> tuple[float, float]:

@@ -9,7 +9,6 @@ from bpn_learner.reward import RewardError
 from bpn_learner.training import Training
 from bpn_learner.update import DivergenceError
 from bpn_shared import keys
-from bpn_shared.bnn.blob import WeightBlob
 from bpn_shared.bus.liveliness import Alive
 from bpn_shared.bus.logs import LogCollector
 from bpn_shared.bus.metrics import MetricsPublisher
@@ -19,6 +18,7 @@ from bpn_shared.config import ConfigError
 from bpn_shared.entry import argument_parser, run_worker
 from bpn_shared.messages.control import NextEpisode
 from bpn_shared.run_folder import RunFolder
+from bpn_shared.weights import Weights
 from bpn_shared.worker import EXIT_FINISHED, EXIT_UNRECOVERABLE, Worker
 
 log = logging.getLogger(__name__)
@@ -65,9 +65,9 @@ def _train(worker: Worker, folder: RunFolder, attempt: int) -> None:
 
     weights = WeightsPublisher(worker.bus, worker.run)
 
-    def publish(blob: WeightBlob) -> None:
-        weights.publish(blob)
-        worker.weights.note("published", blob)
+    def publish(released: Weights) -> None:
+        weights.publish(released)
+        worker.weights.note("published", released)
 
     responders = [
         Responder(worker.bus, keys.config(worker.run), configuration, worker.counters),

@@ -5,15 +5,17 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Mapping
+from pkgutil import resolve_name
+from typing import TYPE_CHECKING
 
 import numpy as np
 import torch
 
 from bpn_learner.checkpoint import load_checkpoint, save_checkpoint
-from bpn_learner.fold import fold
+from bpn_learner.export import export
 from bpn_learner.ledger import EpisodeLedger, load_episodes
-from bpn_learner.networks import BinaryNetwork
-from bpn_learner.reward import rewards
+from bpn_learner.networks import make_network
+from bpn_learner.reward import episode_rewards
 from bpn_learner.transitions import EpisodeData, Transitions
 from bpn_learner.update import (
     PolicyUpdate,
@@ -22,12 +24,15 @@ from bpn_learner.update import (
     make_optimizer,
     policy_update,
 )
-from bpn_shared.bnn.blob import WeightBlob
 from bpn_shared.config import ConfigError, RunConfig
 from bpn_shared.messages.episode import Episode
 from bpn_shared.run_folder import RunFolder, write_atomically
 from bpn_shared.seeds import initial_weights_seed, shuffle_generator
 from bpn_shared.service import Waiting
+from bpn_shared.weights import Weights
+
+if TYPE_CHECKING:
+    from bpn_learner.events import EventWriter  # an extra: loaded when a run asks for it
 
 log = logging.getLogger(__name__)
 
@@ -52,7 +57,7 @@ class Training:
         ledger: EpisodeLedger,
         *,
         attempt: int,
-        publish: Callable[[WeightBlob], None],
+        publish: Callable[[Weights], None],
         report: Report,
         waiting: Waiting,
         stop: threading.Event,
@@ -61,7 +66,8 @@ class Training:
         self._config, self._folder, self._ledger = config, folder, ledger
         self._attempt, self._publish, self._report = attempt, publish, report
         self._waiting, self._stop = waiting, stop
-        self._network = BinaryNetwork(
+        self._network = make_network(
+            config.algorithm_spec.network,
             config.network,
             scale_initial=config.scale_initial,
             generator=torch.Generator().manual_seed(initial_weights_seed(config.seed)),
@@ -81,6 +87,7 @@ class Training:
             RewardError: a frame shows no marker.
         """
         done = self._restore()
+        events = _event_writer(self._config, self._folder, done)
         self._release(done)
         for iteration in range(done, self._config.iterations):
             start_s = time.monotonic()
@@ -94,10 +101,12 @@ class Training:
                 update = self._update(iteration)
             except UpdateStopped:
                 return False
-            blob = self._release(iteration + 1)
+            weights = self._release(iteration + 1)
             seconds = {"collect_s": collect_s, "iteration_s": time.monotonic() - start_s}
-            record = self._record(iteration, episodes, update, blob) | seconds
+            record = self._record(iteration, episodes, update, weights) | seconds
             self._folder.append_metrics(record)
+            if events is not None:
+                events.write(record)
             # Last: a crash before this line repeats the iteration, to the same result.
             save_checkpoint(
                 self._folder.checkpoint_path, self._network, self._optimizer, iteration + 1
@@ -116,12 +125,14 @@ class Training:
         log.info("resumes after %d of %d iterations", done, self._config.iterations)
         return done
 
-    def _release(self, version: int) -> WeightBlob:
-        """Folds the network, keeps the blob in the run folder and sends it out."""
-        blob = fold(self._network, run=self._folder.run, attempt=self._attempt, version=version)
-        write_atomically(self._folder.weights_path(version), blob.encode())
-        self._publish(blob)
-        return blob
+    def _release(self, version: int) -> Weights:
+        """Exports the network, keeps the policy in the run folder and sends it out."""
+        weights = export(
+            self._network, run=self._folder.run, attempt=self._attempt, version=version
+        )
+        write_atomically(self._folder.weights_path(version), weights.encode())
+        self._publish(weights)
+        return weights
 
     def _collect(self, iteration: int) -> list[Episode] | None:
         self._waiting.set(f"{self._config.episodes} episodes of iteration {iteration}")
@@ -134,12 +145,12 @@ class Training:
         return episodes
 
     def _learnable(self, episode: Episode) -> EpisodeData:
-        """The episode with its rewards, which come from the pixels alone (section V-A)."""
-        rewards_px = rewards(self._config.task, episode.frames)
+        """The episode with its rewards; the paper's tasks have them from the pixels alone (section VI-A)."""
+        rewards = episode_rewards(self._config.task_spec, episode)
         return EpisodeData(
             frames=episode.frames,
             actions=episode.actions,
-            rewards=rewards_px * self._config.reward_scale,
+            rewards=rewards * self._config.reward_scale,
             failed=episode.meta.failed,
         )
 
@@ -157,8 +168,9 @@ class Training:
             gamma=config.gamma,
             epochs=config.epochs,
             batch=config.batch,
-            target="cvi" if config.algorithm == "bpn" else "dqn",
+            target=config.algorithm_spec.update,
             mask_terminals=config.mask_terminals,
+            relative_targets=config.relative_targets,
             learning_rate_share=config.learning_rate_share(iteration),
             learning_rate_final=config.learning_rate_final,
             engine=config.engine,
@@ -182,11 +194,12 @@ class Training:
         )
 
     def _record(
-        self, iteration: int, episodes: list[Episode], update: UpdateReport, blob: WeightBlob
+        self, iteration: int, episodes: list[Episode], update: UpdateReport, weights: Weights
     ) -> dict[str, float | int | str | list[float]]:
         """The iteration's line in the run folder; docs/metrics.md explains every value."""
         scale = self._config.reward_scale
-        returns_px = [float(episode.rewards.sum()) / scale for episode in self._data[-1]]
+        returns = [float(episode.rewards.sum()) / scale for episode in self._data[-1]]
+        name = self._config.task_spec.return_metric
         lengths = [episode.steps for episode in episodes]
         return {
             "iteration": iteration,
@@ -194,8 +207,8 @@ class Training:
             "time_unix_s": time.time(),
             "episodes": len(episodes),
             "transitions": sum(lengths),
-            "return_px": float(np.mean(returns_px)),
-            "returns_px": returns_px,
+            name: float(np.mean(returns)),
+            name.replace("return", "returns"): returns,
             "length": float(np.mean(lengths)),
             "failures": sum(episode.meta.failed for episode in episodes),
             "deadline_misses": sum(episode.meta.deadline_misses for episode in episodes),
@@ -208,9 +221,29 @@ class Training:
             "epsilon": self._config.epsilon(iteration),
             "updates": update.updates,
             "update_s": update.seconds,
-            "weights_version": blob.version,
-            "weights_sha256": blob.content_sha256(),
+            "weights_version": weights.version,
+            "weights_sha256": weights.content_sha256(),
         }
+
+
+def _event_writer(config: RunConfig, folder: RunFolder, first: int) -> "EventWriter | None":
+    """What writes TensorBoard's files, if the run asks for them.
+
+    Raises:
+        ConfigError: TensorBoard is not installed.
+    """
+    if not config.tensorboard:
+        return None
+    try:
+        writer: EventWriter = resolve_name("bpn_learner.events:EventWriter")(
+            folder.path / "tensorboard", config, first
+        )
+    except ModuleNotFoundError as error:
+        raise ConfigError(
+            f"tensorboard = True needs {error.name}, which is not installed: "
+            "pip install 'bpn-learner[tensorboard]'"
+        ) from error
+    return writer
 
 
 def _device(config: RunConfig) -> torch.device:

@@ -26,28 +26,43 @@ struct Gradients {
   float log_scale, loss;
 };
 
-// Scratch. For layer l: signs [width][fan_in]; transposed [fan_in][width] of the convolutions 2 and 3;
-// inputs x_l [image][position][channel] from layer 2 on; normalized o_l, and the gradient of o_l, both
-// [image][position][width]; the gradient of the signs [width][rows][padded run].
+struct FloatParameters {
+  const float *weights, *biases;
+};
+
+struct FloatGradients {
+  float *weights, *biases;
+  float loss;
+};
+
+// Scratch. For layer l: weights (binarized: their signs) [width][fan_in]; transposed [fan_in][width] of the
+// convolutions 2 and 3; inputs x_l [image][position][channel] from layer 2 on; outputs o_l (binarized: normalized
+// by batch norm), and the gradient of o_l, both [image][position][width]; the gradient of the weights
+// [width][rows][padded run].
 struct Workspace {
-  float* signs[kLayers];
+  float* weights[kLayers];
   float* transposed[kLayers];
   float* inputs[kLayers];
-  float* normalized[kLayers];
+  float* outputs[kLayers];
   float* gradients[kLayers];
-  float* sign_gradients[kLayers];
+  float* weight_gradients[kLayers];
   float* norm_scale[kNorms];  // 1 / sqrt(var + epsilon), [width]
   float* gamma[kNorms];       // padded with zeros
   float* beta[kNorms];
   int8_t* pixel_signs;        // conv1's, [row][eight inputs][output][input]
+  float* pixel_weights;       // float: conv1's, [row][inputs][output][input] with as many inputs as fit a vector
+  float* image;               // float: one image
 };
 
 using Minibatch = void(const Geometry&, const Batch&, const Parameters&, const Workspace&, Gradients&);
+using FloatMinibatch = void(const Geometry&, const Batch&, const FloatParameters&, const Workspace&,
+                            FloatGradients&);
 
 struct Path {
   const char* name;
   bool (*supported)();  // by this processor and its operating system
   Minibatch* gradients;
+  FloatMinibatch* float_gradients;
 };
 
 // All compiled paths, best first; the last one runs anywhere.
@@ -60,5 +75,8 @@ PathList compiled_paths();
 Minibatch gradients_avx512_vnni;
 Minibatch gradients_avx2;
 Minibatch gradients_portable;
+FloatMinibatch float_gradients_avx512_vnni;
+FloatMinibatch float_gradients_avx2;
+FloatMinibatch float_gradients_portable;
 
 }  // namespace bpn

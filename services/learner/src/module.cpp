@@ -39,10 +39,10 @@ class Arena {
   std::vector<std::unique_ptr<void, Free>> blocks_;
 };
 
-Minibatch* find(const std::string& path) {
+const Path& find(const std::string& path) {
   const PathList paths = compiled_paths();
   for (int i = 0; i < paths.count; ++i)
-    if (path == paths.first[i].name && paths.first[i].supported()) return paths.first[i].gradients;
+    if (path == paths.first[i].name && paths.first[i].supported()) return paths.first[i];
   throw nb::value_error(("this machine cannot run the path " + path).c_str());
 }
 
@@ -52,37 +52,32 @@ int checked(const char* name, int value, int high) {
       (std::string(name) + " = " + std::to_string(value) + " is outside 1.." + std::to_string(high)).c_str());
 }
 
-class Kernel {
+// What both kinds of network need: the geometry's scratch, and the minibatch as pointers into D.
+class Scratch {
  public:
-  Kernel(const std::string& path, int channels, int nodes, int actions)
-      : gradients_(find(path)),
+  Scratch(const std::string& path, int channels, int nodes, int actions)
+      : path_(find(path)),
         geometry_(checked("channels", channels, kMaxChannels), checked("nodes", nodes, kMaxNodes),
                   checked("actions", actions, kMaxActions)) {
     for (int l = 0; l < kLayers; ++l) {
       const Layer& layer = geometry_.layers[l];
       weights_ += size_t(layer.outputs) * geometry_.true_fan_in(l);
       if (l < kNorms) norms_ += layer.outputs;
-      work_.signs[l] = fixed_.floats(size_t(layer.width) * layer.fan_in());
-      work_.sign_gradients[l] = fixed_.floats(size_t(layer.width) * layer.rows * padded(layer.run));
+      biases_ += layer.outputs;
+      work_.weights[l] = fixed_.floats(size_t(layer.width) * layer.fan_in());
+      work_.weight_gradients[l] = fixed_.floats(size_t(layer.width) * layer.rows * padded(layer.run));
       const bool transposed = l > 0 && layer.size > 1;
       work_.transposed[l] = transposed ? fixed_.floats(size_t(layer.width) * layer.fan_in()) : nullptr;
-      if (l == kNorms) continue;
-      work_.norm_scale[l] = fixed_.floats(layer.width);
-      work_.gamma[l] = fixed_.floats(layer.width);
-      work_.beta[l] = fixed_.floats(layer.width);
     }
-    const Layer& conv1 = geometry_.layers[0];
-    work_.pixel_signs = static_cast<int8_t*>(fixed_.bytes(size_t(conv1.width) * conv1.fan_in()));
-    padded_image_ = static_cast<uint8_t*>(fixed_.bytes(size_t(conv1.image) + kSlack));
+    padded_image_ = static_cast<uint8_t*>(fixed_.bytes(size_t(geometry_.layers[0].image) + kSlack));
   }
 
-  Kernel(const Kernel&) = delete;
+  Scratch(const Scratch&) = delete;
 
-  nb::tuple gradients(const Array<const uint8_t, 4>& observations, const Array<const int64_t, 1>& batch,
-                      const Array<const int64_t, 1>& actions, const Array<const float, 1>& targets,
-                      const Array<const float, 1>& latent, const Array<const float, 1>& gamma,
-                      const Array<const float, 1>& beta, float log_scale, const Array<float, 1>& d_latent,
-                      const Array<float, 1>& d_gamma, const Array<float, 1>& d_beta) {
+ protected:
+  // Checks a minibatch and finds its images. It is valid until the next call.
+  Batch take(const Array<const uint8_t, 4>& observations, const Array<const int64_t, 1>& batch,
+             const Array<const int64_t, 1>& actions, const Array<const float, 1>& targets) {
     const Layer& conv1 = geometry_.layers[0];
     const size_t n = observations.shape(0), B = batch.shape(0);
     if (observations.shape(1) != kImagePx || observations.shape(2) != kImagePx ||
@@ -90,9 +85,6 @@ class Kernel {
       throw nb::value_error("observations have not the network's shape uint8[n, 84, 84, C]");
     if (actions.shape(0) != n || targets.shape(0) != n)
       throw nb::value_error("observations, actions and targets have different lengths");
-    if (latent.shape(0) != weights_ || d_latent.shape(0) != weights_ || gamma.shape(0) != norms_ ||
-        beta.shape(0) != norms_ || d_gamma.shape(0) != norms_ || d_beta.shape(0) != norms_)
-      throw nb::value_error("parameters or gradients have not the network's sizes");
     if (B < 1) throw nb::value_error("a minibatch needs at least 1 transition");
     images_.resize(B), actions_.resize(B), targets_.resize(B);
     for (size_t b = 0; b < B; ++b) {
@@ -107,14 +99,18 @@ class Kernel {
         images_[b] = static_cast<uint8_t*>(std::memcpy(padded_image_, images_[b], conv1.image));
     }
     reserve(B);
-    Gradients out{d_latent.data(), d_gamma.data(), d_beta.data(), 0, 0};
-    {
-      nb::gil_scoped_release without_gil;
-      gradients_(geometry_, {int(B), images_.data(), actions_.data(), targets_.data()},
-                 {latent.data(), gamma.data(), beta.data(), log_scale}, work_, out);
-    }
-    return nb::make_tuple(out.loss, out.log_scale);
+    return {int(B), images_.data(), actions_.data(), targets_.data()};
   }
+
+  static void check_sizes(bool fit) {
+    if (!fit) throw nb::value_error("parameters or gradients have not the network's sizes");
+  }
+
+  const Path& path_;
+  Geometry geometry_;
+  Arena fixed_, images_memory_;
+  Workspace work_{};
+  size_t weights_ = 0, norms_ = 0, biases_ = 0, capacity_ = 0;
 
  private:
   void reserve(size_t B) {
@@ -124,21 +120,70 @@ class Kernel {
     for (int l = 0; l < kLayers; ++l) {
       const Layer& layer = geometry_.layers[l];
       const size_t values = B * layer.positions() * layer.width;
-      work_.normalized[l] = images_memory_.floats(values);
+      work_.outputs[l] = images_memory_.floats(values);
       work_.gradients[l] = images_memory_.floats(values);
       work_.inputs[l] = l ? images_memory_.floats(B * layer.image) : nullptr;
     }
   }
 
-  Minibatch* gradients_;
-  Geometry geometry_;
-  Arena fixed_, images_memory_;
-  Workspace work_{};
-  size_t weights_ = 0, norms_ = 0, capacity_ = 0;
   uint8_t* padded_image_;
   std::vector<const uint8_t*> images_;
   std::vector<int64_t> actions_;
   std::vector<float> targets_;
+};
+
+class Kernel : Scratch {
+ public:
+  Kernel(const std::string& path, int channels, int nodes, int actions)
+      : Scratch(path, channels, nodes, actions) {
+    for (int l = 0; l < kNorms; ++l) {
+      const int width = geometry_.layers[l].width;
+      work_.norm_scale[l] = fixed_.floats(width);
+      work_.gamma[l] = fixed_.floats(width);
+      work_.beta[l] = fixed_.floats(width);
+    }
+    const Layer& conv1 = geometry_.layers[0];
+    work_.pixel_signs = static_cast<int8_t*>(fixed_.bytes(size_t(conv1.width) * conv1.fan_in()));
+  }
+
+  nb::tuple gradients(const Array<const uint8_t, 4>& observations, const Array<const int64_t, 1>& batch,
+                      const Array<const int64_t, 1>& actions, const Array<const float, 1>& targets,
+                      const Array<const float, 1>& latent, const Array<const float, 1>& gamma,
+                      const Array<const float, 1>& beta, float log_scale, const Array<float, 1>& d_latent,
+                      const Array<float, 1>& d_gamma, const Array<float, 1>& d_beta) {
+    check_sizes(latent.shape(0) == weights_ && d_latent.shape(0) == weights_ && gamma.shape(0) == norms_ &&
+                beta.shape(0) == norms_ && d_gamma.shape(0) == norms_ && d_beta.shape(0) == norms_);
+    const Batch taken = take(observations, batch, actions, targets);
+    Gradients out{d_latent.data(), d_gamma.data(), d_beta.data(), 0, 0};
+    {
+      nb::gil_scoped_release without_gil;
+      path_.gradients(geometry_, taken, {latent.data(), gamma.data(), beta.data(), log_scale}, work_, out);
+    }
+    return nb::make_tuple(out.loss, out.log_scale);
+  }
+};
+
+class FloatKernel : Scratch {
+ public:
+  FloatKernel(const std::string& path, int channels, int nodes, int actions)
+      : Scratch(path, channels, nodes, actions) {
+    const Layer& conv1 = geometry_.layers[0];
+    work_.pixel_weights = fixed_.floats(size_t(conv1.width) * conv1.fan_in());
+    work_.image = fixed_.floats(conv1.image);
+  }
+
+  float gradients(const Array<const uint8_t, 4>& observations, const Array<const int64_t, 1>& batch,
+                  const Array<const int64_t, 1>& actions, const Array<const float, 1>& targets,
+                  const Array<const float, 1>& weights, const Array<const float, 1>& biases,
+                  const Array<float, 1>& d_weights, const Array<float, 1>& d_biases) {
+    check_sizes(weights.shape(0) == weights_ && d_weights.shape(0) == weights_ &&
+                biases.shape(0) == biases_ && d_biases.shape(0) == biases_);
+    const Batch taken = take(observations, batch, actions, targets);
+    FloatGradients out{d_weights.data(), d_biases.data(), 0};
+    nb::gil_scoped_release without_gil;
+    path_.float_gradients(geometry_, taken, {weights.data(), biases.data()}, work_, out);
+    return out.loss;
+  }
 };
 
 std::vector<std::string> available_paths() {
@@ -158,4 +203,7 @@ NB_MODULE(_native, module) {
   nb::class_<bpn::Kernel>(module, "Kernel")
       .def(nb::init<const std::string&, int, int, int>())
       .def("gradients", &bpn::Kernel::gradients);
+  nb::class_<bpn::FloatKernel>(module, "FloatKernel")
+      .def(nb::init<const std::string&, int, int, int>())
+      .def("gradients", &bpn::FloatKernel::gradients);
 }

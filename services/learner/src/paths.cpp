@@ -16,10 +16,10 @@ bool has_avx2() { return __builtin_cpu_supports("avx2") && __builtin_cpu_support
 
 constexpr Path kPaths[] = {
 #if defined(__x86_64__)
-    {"avx512-vnni", has_avx512_vnni, gradients_avx512_vnni},
-    {"avx2", has_avx2, gradients_avx2},
+    {"avx512-vnni", has_avx512_vnni, gradients_avx512_vnni, float_gradients_avx512_vnni},
+    {"avx2", has_avx2, gradients_avx2, float_gradients_avx2},
 #endif
-    {"portable", always, gradients_portable},
+    {"portable", always, gradients_portable, float_gradients_portable},
 };
 
 }  // namespace

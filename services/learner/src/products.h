@@ -1,5 +1,5 @@
 // The three products of a layer, without unfolding its patches: outputs, gradient of the inputs,
-// gradient of the signs. Each keeps a block of sums in registers; `rows` of it are images or outputs.
+// gradient of the weights. Each keeps a block of sums in registers; `rows` of it are images or outputs.
 #pragma once
 
 #include "geometry.h"
@@ -8,7 +8,7 @@
 namespace bpn {
 namespace {
 
-// o = sum over a patch of sign * x, for kRows images at the same position: convolutions.
+// o = sum over a patch of w * x, for kRows images at the same position: convolutions.
 template <int Rows>
 inline void outputs_at(const Layer& l, const float* patch, const float* transposed, float* o) {
   constexpr int V = kOutputVectors;
@@ -20,8 +20,8 @@ inline void outputs_at(const Layer& l, const float* patch, const float* transpos
       const float* x = patch + i * l.row_stride;
       for (int k = 0; k < l.run; ++k, w += l.width)
         each<V>([&](auto v) INLINE_LAMBDA {
-          const Floats signs = load(w + v * kLanes);
-          each<Rows>([&](auto r) INLINE_LAMBDA { sums[r][v] += signs * x[r * l.image + k]; });
+          const Floats factor = load(w + v * kLanes);
+          each<Rows>([&](auto r) INLINE_LAMBDA { sums[r][v] += factor * x[r * l.image + k]; });
         });
     }
     each<Rows>([&](auto r) INLINE_LAMBDA {
@@ -51,8 +51,8 @@ inline float sum_of(Floats v) {
   return sum;
 }
 
-// o = sum of sign * x as dot products: fully connected layers, whose signs are not worth transposing.
-inline void connect(const Layer& l, int images, const float* x, const float* signs, float* o) {
+// o = sum of w * x as dot products: fully connected layers, whose weights are not worth transposing.
+inline void connect(const Layer& l, int images, const float* x, const float* weights, float* o) {
   constexpr int N = 4;  // outputs at a time
   for (int first = 0; first < l.width; first += N)
     for (int b = 0; b < images; b += 2) {
@@ -61,7 +61,7 @@ inline void connect(const Layer& l, int images, const float* x, const float* sig
       const float *x0 = x + b * l.image, *x1 = x0 + second * l.image;
       for (int k = 0; k < l.run; k += kLanes)
         each<N>([&](auto n) INLINE_LAMBDA {
-          const Floats w = load(signs + (first + n) * l.run + k);
+          const Floats w = load(weights + (first + n) * l.run + k);
           sums[0][n] += w * load(x0 + k);
           sums[1][n] += w * load(x1 + k);
         });
@@ -72,9 +72,9 @@ inline void connect(const Layer& l, int images, const float* x, const float* sig
     }
 }
 
-// dx += sign * g over all outputs, for Rows images at the same position.
+// dx += w * g over all outputs, for Rows images at the same position.
 template <int Rows>
-inline void input_gradients_at(const Layer& l, const float* g, const float* signs, float* dx) {
+inline void input_gradients_at(const Layer& l, const float* g, const float* weights, float* dx) {
   const int g_stride = l.positions() * l.width;
   for (int i = 0; i < l.rows; ++i)
     in_groups(l.run / kLanes, [&]<int V>(int first) {
@@ -86,7 +86,7 @@ inline void input_gradients_at(const Layer& l, const float* g, const float* sign
       });
       for (int n = 0; n < l.outputs; ++n) {
         Floats w[V];
-        each<V>([&](auto v) INLINE_LAMBDA { w[v] = load(signs + n * l.fan_in() + k + v * kLanes); });
+        each<V>([&](auto v) INLINE_LAMBDA { w[v] = load(weights + n * l.fan_in() + k + v * kLanes); });
         each<Rows>([&](auto r) INLINE_LAMBDA { each<V>([&](auto v) INLINE_LAMBDA { sums[r][v] += w[v] * g[r * g_stride + n]; }); });
       }
       each<Rows>([&](auto r) INLINE_LAMBDA {
@@ -95,7 +95,7 @@ inline void input_gradients_at(const Layer& l, const float* g, const float* sign
     });
 }
 
-inline void input_gradients(const Layer& l, int images, const float* g, const float* signs, float* dx) {
+inline void input_gradients(const Layer& l, int images, const float* g, const float* weights, float* dx) {
   std::memset(dx, 0, sizeof(float) * images * l.image);
   for (int b = 0; b < images;) {
     const bool block = images - b >= kRows;
@@ -103,8 +103,8 @@ inline void input_gradients(const Layer& l, int images, const float* g, const fl
       const int at = position / l.size * l.step_y + position % l.size * l.step_x;
       const float* from = g + (b * l.positions() + position) * l.width;
       float* to = dx + b * l.image + at;
-      if (block) input_gradients_at<kRows>(l, from, signs, to);
-      else input_gradients_at<1>(l, from, signs, to);
+      if (block) input_gradients_at<kRows>(l, from, weights, to);
+      else input_gradients_at<1>(l, from, weights, to);
     }
     b += block ? kRows : 1;
   }
@@ -112,7 +112,7 @@ inline void input_gradients(const Layer& l, int images, const float* g, const fl
 
 // dw += g * x over size_y x size_x positions, x in float or in bytes (conv1: the pixels).
 template <class Value>
-inline void add_sign_gradients(const Layer& l, int size_y, int size_x, int step_x, const Value* x,
+inline void add_weight_gradients(const Layer& l, int size_y, int size_x, int step_x, const Value* x,
                                const float* g, float* dw) {
   const int vectors = (l.run + kLanes - 1) / kLanes, run = padded(l.run);
   for (int i = 0; i < l.rows; ++i)

@@ -1,10 +1,11 @@
 """What a simulated robot is to the service and to the Gymnasium environment."""
 
 from pkgutil import resolve_name
-from typing import Protocol
+from typing import Any, Protocol
 
 from bpn_robot_sim.rendering import Frame
-from bpn_shared.tasks import Task, task_named
+from bpn_shared.config import ConfigError
+from bpn_shared.tasks import Task, is_gym, task_named
 
 Info = dict[str, tuple[float, float]]
 
@@ -26,6 +27,10 @@ class Robot(Protocol):
     def terminated(self) -> bool:
         """Whether the episode has ended by the task's own rule; time limits are not among them."""
 
+    @property
+    def truncated(self) -> bool:
+        """Whether the episode has to end before its time for no reason of the task's, as a simulator may say."""
+
     def reset(self, seed: int) -> Frame:
         """Starts an episode at the start that belongs to the seed, and returns its first frame."""
 
@@ -46,7 +51,7 @@ class Robot(Protocol):
         """What the camera sees now."""
 
     def reward(self) -> float:
-        """The paper's reward of the present state in pixels, from the simulation's truth."""
+        """The reward of the last step: the paper's in pixels from the simulation's truth, or the environment's."""
 
     def info(self) -> Info:
         """The simulation's truth behind the reward, by name; names carry units."""
@@ -87,3 +92,35 @@ def make_robot(task_name: str) -> Robot:
         raise ValueError(f"task {task.name!r} has no simulated robot")
     robot: Robot = resolve_name(_ROBOTS[task.name])()  # by name: it imports this module
     return robot
+
+
+def robot_for(task: Task) -> Robot:
+    """A new robot for a run's task.
+
+    Raises:
+        ConfigError: a Gymnasium environment cannot be the task, or what it needs is not installed.
+        RenderingError: OpenGL cannot be started.
+    """
+    if not is_gym(task.name):
+        return make_robot(task.name)
+    robot: Robot = _of_gym("GymRobot")(task)
+    return robot
+
+
+def gym_actions(task_name: str) -> int:
+    """|A| of a Gymnasium environment, which is made and closed for it.
+
+    Raises:
+        ConfigError: it cannot be a task, or what it needs is not installed.
+    """
+    actions: int = _of_gym("probe_actions")(task_name)
+    return actions
+
+
+def _of_gym(name: str) -> Any:
+    try:
+        return resolve_name(f"bpn_robot_sim.gym_robot:{name}")
+    except ModuleNotFoundError as error:
+        raise ConfigError(
+            f"gym: tasks need {error.name}, which is not installed: pip install 'bpn-robot-sim[gym]'"
+        ) from error

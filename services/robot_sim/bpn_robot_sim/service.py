@@ -1,7 +1,8 @@
 """`bpn-robot-sim`: one simulated robot with its camera. Actions in, frames out.
 
 Lockstep: the simulation waits for the action of each frame, repeating the frame while none comes. Realtime:
-it ticks at the control period whatever comes; without an action in time the robot holds.
+it ticks at the control period whatever comes; without an action in time the robot holds. There an action may
+be given a delay, as a slower network or processor would: it then acts that much after it arrived.
 """
 
 import threading
@@ -10,7 +11,7 @@ from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from bpn_robot_sim.robot import Robot, make_robot
+from bpn_robot_sim.robot import Robot, robot_for
 from bpn_shared import keys
 from bpn_shared.bus.latest import LatestPublisher, LatestSubscriber, Sample
 from bpn_shared.bus.requests import Responder
@@ -20,7 +21,7 @@ from bpn_shared.entry import run_slot_worker
 from bpn_shared.messages.action import Action
 from bpn_shared.messages.base import MessageError
 from bpn_shared.messages.control import Reset, ResetReply
-from bpn_shared.messages.frame import NO_ACTION, FrameHeader, FrameKind
+from bpn_shared.messages.frame import NO_ACTION, NO_REWARD, FrameHeader, FrameKind
 from bpn_shared.messages.preview import PreviewHeader
 from bpn_shared.worker import EXIT_FINISHED, Worker
 
@@ -30,10 +31,15 @@ _PREVIEW_HZ = 30.0
 
 @dataclass(frozen=True, slots=True)
 class Answer:
-    """The action for a frame, and when it arrived (monotonic ns)."""
+    """The action for a frame, when that was taken and when the action acts (monotonic ns)."""
 
     action: int
-    t_receive_ns: int
+    t_capture_ns: int
+    t_act_ns: int
+
+    @property
+    def camera_to_action_ns(self) -> int:
+        return self.t_act_ns - self.t_capture_ns
 
 
 class RobotService:
@@ -42,6 +48,9 @@ class RobotService:
     def __init__(self, worker: Worker, config: RunConfig, robot: Robot) -> None:
         self._worker, self._config, self._robot = worker, config, robot
         self._task = config.task_spec
+        self._delay_ns = round(config.action_delay_ms * 1e6)
+        self._in_flight: deque[Answer] = deque()
+        """Realtime: arrived, and yet to act."""
         self._frames = LatestPublisher(worker.bus, keys.frame(worker.run, worker.slot), "frame")
         self._previews = SampledPublisher(
             worker.bus, keys.preview(worker.run, worker.slot), _PREVIEW_HZ, _preview
@@ -98,12 +107,14 @@ class RobotService:
         robot, hold = self._robot, self._task.hold_action
         realtime = self._config.pacing == "realtime"
         pixels = robot.reset(reset.seed).tobytes()
+        self._in_flight.clear()
         self._seen.extend([pixels] * self._task.frames_stacked)
         kind, step, applied, loop_ns, misses = FrameKind.FIRST, 0, NO_ACTION, 0, 0
+        reward = NO_REWARD
         while True:
             header = FrameHeader(
                 kind, reset.iteration, reset.episode, step, reset.reset_id, time.monotonic_ns(),
-                applied, loop_ns, misses, self._task.frame_channels,
+                applied, loop_ns, misses, self._task.frame_channels, reward,
             )  # fmt: skip
             if kind.ends_episode:
                 self._repeat_until_reset(header, pixels)
@@ -114,14 +125,16 @@ class RobotService:
                 return
             applied = hold if answer is None else answer.action
             misses += answer is None
-            loop_ns = 0 if answer is None else answer.t_receive_ns - header.t_capture_ns
+            loop_ns = 0 if answer is None else answer.camera_to_action_ns
             pixels = robot.frame().tobytes()
             self._seen.append(pixels)
+            if self._task.rewards == "robot":
+                reward = robot.reward()
             step += 1
             kind = FrameKind.MID
             if robot.terminated:
                 kind = FrameKind.FAILED
-            elif step == self._config.steps:
+            elif robot.truncated or step == self._config.steps:
                 kind = FrameKind.LAST
 
     def _await_action(self, header: FrameHeader, pixels: bytes) -> Answer | None:
@@ -141,20 +154,32 @@ class RobotService:
         return None
 
     def _tick(self, header: FrameHeader, pixels: bytes) -> Answer | None:
-        """Realtime: the world goes on for one control period; an action acts from when it arrived."""
+        """Realtime: the world goes on for one control period, in which the next action that is due acts.
+
+        Without a delay that is the answer to this frame; with one longer than the period, to an older frame.
+        """
         period_s = self._task.control_period_s
-        start_s = header.t_capture_ns / 1e9
+        start_s, end_ns = header.t_capture_ns / 1e9, header.t_capture_ns + round(period_s * 1e9)
         self._send(header, pixels)
-        answer = self._receive(header, start_s + period_s, self._ends_now)
-        if answer is None:
+        answer = self._receive(header, end_ns / 1e9, self._ends_now)
+        if answer is not None and answer.t_act_ns - self._delay_ns < end_ns:
+            self._in_flight.append(answer)
+        acting = self._due(end_ns)
+        if acting is None:
             self._robot.advance(period_s)
         else:
-            before_s = min((answer.t_receive_ns - header.t_capture_ns) / 1e9, period_s)
+            before_s = min(max(0.0, acting.t_act_ns / 1e9 - start_s), period_s)
             self._robot.advance(before_s)
-            self._robot.command(answer.action)
+            self._robot.command(acting.action)
             self._robot.advance(period_s - before_s)
         self._worker.stop.wait(max(0.0, start_s + period_s - time.monotonic()))
-        return answer
+        return acting
+
+    def _due(self, end_ns: int) -> Answer | None:
+        """Takes the oldest action in flight if it acts before then; one in a period, as the robot does."""
+        if self._in_flight and self._in_flight[0].t_act_ns < end_ns:
+            return self._in_flight.popleft()
+        return None
 
     def _repeat_until_reset(self, header: FrameHeader, pixels: bytes) -> None:
         """The episode is over: its last frame is sent until an edge begins another."""
@@ -188,7 +213,7 @@ class RobotService:
         if (action.reset_id, action.step) != (header.reset_id, header.step):
             self._worker.counters.add("actions_for_other_frames")
             return None
-        return Answer(action.action, sample.t_receive_ns)
+        return Answer(action.action, header.t_capture_ns, sample.t_receive_ns + self._delay_ns)
 
     def _send(self, header: FrameHeader, pixels: bytes) -> None:
         self._frames.put(pixels, header.encode())
@@ -211,7 +236,7 @@ def _preview(item: tuple[FrameHeader, tuple[bytes, ...]]) -> tuple[bytes, bytes]
 
 def serve(worker: Worker, config: RunConfig) -> int:
     """Runs the robot until the worker is stopped."""
-    robot = make_robot(config.task)
+    robot = robot_for(config.task_spec)
     service = RobotService(worker, config, robot)
     try:
         service.run()

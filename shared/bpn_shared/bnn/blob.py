@@ -1,4 +1,4 @@
-"""The weight blob: one policy as bytes, about 11 KB, the only form in which weights travel or rest.
+"""The weight blob: one binarized policy as bytes, about 11 KB, the form in which it travels and rests.
 
 Little-endian. Header (40 bytes): magic, schema version, C, N, |A|, run, attempt, version, lambda; then for
 each layer its signs (bit 1 = +1, order out, kernel row, kernel column, in; each layer padded with zero
@@ -28,7 +28,7 @@ NO_RUN = UUID(int=0)
 
 
 class BlobError(ValueError):
-    """The bytes or the parts are not a weight blob; the message says what is wrong with them."""
+    """The bytes or the parts are not a policy; the message says what is wrong with them."""
 
 
 @dataclass(frozen=True, eq=False)

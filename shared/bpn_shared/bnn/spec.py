@@ -8,6 +8,9 @@ kernel column, input channel), with one row of signs.
 from dataclasses import dataclass
 from functools import cached_property
 
+import numpy as np
+import numpy.typing as npt
+
 IMAGE_SIZE_PX = 84
 MAX_CHANNELS = 16
 MAX_NODES = 1024
@@ -96,6 +99,13 @@ class NetworkSpec:
     def observation_shape(self) -> tuple[int, int, int]:
         """[C, 84, 84]."""
         return self.channels, IMAGE_SIZE_PX, IMAGE_SIZE_PX
+
+    def probe(self) -> npt.NDArray[np.uint8]:
+        """The observation, uint8[C, 84, 84], on which loaded weights are verified.
+
+        Any fixed picture serves: a wrong bit anywhere upstream of the outputs would have to cancel out.
+        """
+        return np.random.default_rng(0).integers(0, 256, self.observation_shape, dtype=np.uint8)
 
     @property
     def macs(self) -> int:

@@ -9,10 +9,12 @@ from uuid import UUID
 import zenoh
 
 from bpn_shared import keys
-from bpn_shared.bnn.blob import BlobError, WeightBlob, encoded_size
+from bpn_shared.algorithms import NetworkKind
+from bpn_shared.bnn.blob import BlobError
 from bpn_shared.bnn.spec import NetworkSpec
 from bpn_shared.bus.session import Bus
 from bpn_shared.service import Counters
+from bpn_shared.weights import Weights, decode_weights, max_weights_bytes, network_kind
 
 log = logging.getLogger(__name__)
 
@@ -21,8 +23,8 @@ _SCHEMA = 1
 _GET_TIMEOUT_S = 2.0
 
 
-def _encode_header(blob: WeightBlob) -> bytes:
-    return _HEADER.pack(_SCHEMA, blob.attempt, blob.version)
+def _encode_header(weights: Weights) -> bytes:
+    return _HEADER.pack(_SCHEMA, weights.attempt, weights.version)
 
 
 class WeightsPublisher:
@@ -39,8 +41,8 @@ class WeightsPublisher:
         )
         self._queryable = bus.zenoh.declare_queryable(self._key, self._answer, complete=True)
 
-    def publish(self, blob: WeightBlob) -> None:
-        header, data = _encode_header(blob), blob.encode()
+    def publish(self, weights: Weights) -> None:
+        header, data = _encode_header(weights), weights.encode()
         self._newest = header, data
         self._publisher.put(data, attachment=header)
         self._sent.add(len(data))
@@ -53,15 +55,16 @@ class WeightsPublisher:
 
 
 class WeightsSubscriber:
-    """Hands on every blob that is newer than all before it.
+    """Hands on every policy that is newer than all before it.
 
     Subscribes first and asks for the newest afterwards, so nothing falls between; asks again whenever a
     learner appears and whenever `refresh` is called.
 
     Args:
-        spec: geometry that the blobs must have.
-        on_newer: called with each accepted blob, on a network thread: it must be quick.
+        spec: geometry that the policies must have.
+        on_newer: called with each accepted policy, on a network thread: it must be quick.
         counters: `weights_refused` is counted here.
+        kind: of network that they must be for.
     """
 
     def __init__(
@@ -69,10 +72,12 @@ class WeightsSubscriber:
         bus: Bus,
         run: UUID,
         spec: NetworkSpec,
-        on_newer: Callable[[WeightBlob], None],
+        on_newer: Callable[[Weights], None],
         counters: Counters,
+        *,
+        kind: NetworkKind,
     ) -> None:
-        self._bus, self._run, self._spec = bus, run, spec
+        self._bus, self._run, self._spec, self._kind = bus, run, spec, kind
         self._on_newer = on_newer
         self._counters = counters
         self._lock = threading.Lock()
@@ -108,25 +113,28 @@ class WeightsSubscriber:
                     return
                 data = sample.payload.to_bytes()
                 self._received.add(len(data))
-                blob = self._decode(data, rank)
+                weights = self._decode(data, rank)
                 self._highest = rank
-                self._on_newer(blob)
+                self._on_newer(weights)
         except BlobError as error:
             self._counters.refuse("weights_refused", f"weights refused: {error}")
 
-    def _decode(self, data: bytes, rank: tuple[int, int]) -> WeightBlob:
-        if len(data) != encoded_size(self._spec):
+    def _decode(self, data: bytes, rank: tuple[int, int]) -> Weights:
+        limit = max_weights_bytes(self._kind, self._spec)
+        if len(data) > limit:
             raise BlobError(
-                f"{len(data)} bytes, a blob with {self._spec} has {encoded_size(self._spec)}"
+                f"{len(data)} bytes, a {self._kind} policy with {self._spec} has {limit}"
             )
-        blob = WeightBlob.decode(data)
-        if blob.spec != self._spec:
-            raise BlobError(f"geometry {blob.spec}, this edge runs {self._spec}")
-        if blob.run != self._run:
-            raise BlobError(f"belongs to run {blob.run}, this edge serves {self._run}")
-        if (blob.attempt, blob.version) != rank:
-            raise BlobError(f"header says (attempt, version) {rank}, the blob says otherwise")
-        return blob
+        weights = decode_weights(data)
+        if network_kind(weights) != self._kind:
+            raise BlobError(f"a {network_kind(weights)} policy, this edge runs {self._kind} ones")
+        if weights.spec != self._spec:
+            raise BlobError(f"geometry {weights.spec}, this edge runs {self._spec}")
+        if weights.run != self._run:
+            raise BlobError(f"belongs to run {weights.run}, this edge serves {self._run}")
+        if (weights.attempt, weights.version) != rank:
+            raise BlobError(f"header says (attempt, version) {rank}, the policy says otherwise")
+        return weights
 
 
 def _decode_rank(header: bytes) -> tuple[int, int]:

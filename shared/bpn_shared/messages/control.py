@@ -4,6 +4,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
+from bpn_shared.config import Policy
 from bpn_shared.messages.base import ULONG, Message
 
 Count = Annotated[int, Field(ge=0, lt=2**32)]
@@ -49,7 +50,9 @@ class Assignment(Message):
     seed: Seed = 0
     weights_attempt: Count = 0
     weights_version: Count = 0
+    policy: Policy = "softmax"
     epsilon: Annotated[float, Field(ge=0, le=1)] = 0.0
+    """Of the epsilon-greedy policy: 0 plays greedily, 1 at random."""
 
 
 class EpisodeReceipt(Message):

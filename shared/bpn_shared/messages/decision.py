@@ -14,8 +14,8 @@ class Decision(Message):
     """One decision, of those at most 20 a second that are published.
 
     Attributes:
-        outputs: the network's o, one integer per action.
-        scale: lambda; the action preferences are P = lambda * o (Eq. 14).
+        outputs: what the network said, one number per action: o, integers, or P of a float policy.
+        scale: lambda, so that the action preferences are P = lambda * o (Eq. 14); 1 of a float policy.
         time_ns: unix time when the action had been sent.
     """
 
@@ -24,7 +24,7 @@ class Decision(Message):
     step: Count
     action: Count
     outputs: Annotated[
-        list[Annotated[int, Field(ge=-(2**31), lt=2**31)]],
+        list[Annotated[float, Field(allow_inf_nan=False)]],
         Field(min_length=1, max_length=MAX_ACTIONS),
     ]
     scale: float

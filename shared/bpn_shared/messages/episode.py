@@ -7,7 +7,7 @@ stored as they came.
 import math
 import zlib
 from dataclasses import dataclass
-from typing import Annotated, Any, Self
+from typing import Annotated, Any, Literal, Self
 
 import msgpack
 import numpy as np
@@ -17,9 +17,10 @@ from pydantic import Field, ValidationError
 from bpn_shared.config import MAX_STEPS
 from bpn_shared.messages.base import Message, MessageError, check_size, unpack_map
 from bpn_shared.messages.control import Count, Seed, WorkerId
+from bpn_shared.outputs import Outputs
 from bpn_shared.tasks import Task
 
-SCHEMA = 1
+SCHEMA = 2
 MAX_BYTES = 48 * 1024 * 1024
 
 
@@ -47,7 +48,9 @@ class Episode:
     Attributes:
         frames: uint8[T+1, c, 84, 84], each stored once.
         actions: uint8[T], as the robot applied them.
-        outputs: int32[T, |A|], the network's o for every step's observation.
+        rewards: float64[T] as the robot knows them; NaN where it knows none, as a real one does. The paper's
+            tasks are learned from the pixels alone.
+        outputs: [T, |A|], what the network said to every step's observation; int32 or float32.
         inference_ns: uint32[T], time in the kernel.
         camera_to_action_ns: uint32[T], on the robot's clock; 0 where no action came in time.
     """
@@ -55,7 +58,8 @@ class Episode:
     meta: EpisodeMeta
     frames: npt.NDArray[np.uint8]
     actions: npt.NDArray[np.uint8]
-    outputs: npt.NDArray[np.int32]
+    rewards: npt.NDArray[np.float64]
+    outputs: Outputs
     inference_ns: npt.NDArray[np.uint32]
     camera_to_action_ns: npt.NDArray[np.uint32]
 
@@ -73,7 +77,9 @@ class Episode:
                 "steps": self.steps,
                 "frames": zlib.compress(self.frames.tobytes(), level=1),
                 "actions": self.actions.tobytes(),
-                "outputs": self.outputs.astype("<i4").tobytes(),
+                "rewards": self.rewards.astype("<f8").tobytes(),
+                "outputs_type": self.outputs.dtype.name,
+                "outputs": self.outputs.astype(self.outputs.dtype.newbyteorder("<")).tobytes(),
                 "inference_ns": self.inference_ns.astype("<u4").tobytes(),
                 "camera_to_action_ns": self.camera_to_action_ns.astype("<u4").tobytes(),
             }
@@ -96,12 +102,18 @@ class Episode:
             meta=parts.meta,
             frames=_inflate(parts.frames, (steps + 1, *task.frame_shape)),
             actions=actions,
-            outputs=_array("outputs", parts.outputs, np.int32, (steps, task.actions)),
+            rewards=_array("rewards", parts.rewards, np.float64, (steps,)),
+            outputs=_array(
+                "outputs", parts.outputs, _OUTPUT_TYPES[parts.outputs_type], (steps, task.actions)
+            ),
             inference_ns=_array("inference_ns", parts.inference_ns, np.uint32, (steps,)),
             camera_to_action_ns=_array(
                 "camera_to_action_ns", parts.camera_to_action_ns, np.uint32, (steps,)
             ),
         )
+
+
+_OUTPUT_TYPES: dict[str, type[np.int32 | np.float32]] = {"int32": np.int32, "float32": np.float32}
 
 
 def decode_meta(data: bytes) -> tuple[EpisodeMeta, int]:
@@ -119,6 +131,8 @@ class _Parts(Message):
     steps: Annotated[int, Field(ge=1, le=MAX_STEPS)]
     frames: bytes
     actions: bytes
+    rewards: bytes
+    outputs_type: Literal["int32", "float32"]
     outputs: bytes
     inference_ns: bytes
     camera_to_action_ns: bytes

@@ -10,9 +10,10 @@ import numpy.typing as npt
 
 from bpn_shared.messages.base import MessageError
 
-SCHEMA = 1
-_HEADER = struct.Struct("<BBBBIIIQQII")
+SCHEMA = 2
+_HEADER = struct.Struct("<BBBBIIIQQIId")
 NO_ACTION = 255
+NO_REWARD = math.nan
 
 
 class FrameKind(IntEnum):
@@ -42,6 +43,7 @@ class FrameHeader(NamedTuple):
         camera_to_action_ns: from the capture of the frame before to the arrival of its action
             (0: none arrived in time), on the robot's clock.
         deadline_misses: control periods so far in this episode that no action came for.
+        reward: of the step that led here, where the robot knows it; `NO_REWARD` otherwise.
     """
 
     kind: FrameKind
@@ -54,12 +56,13 @@ class FrameHeader(NamedTuple):
     camera_to_action_ns: int = 0
     deadline_misses: int = 0
     channels: int = 1
+    reward: float = NO_REWARD
 
     def encode(self) -> bytes:
         """The header as bytes."""
         return _HEADER.pack(
             SCHEMA, self.kind, self.channels, self.applied_action, self.iteration, self.episode, self.step,
-            self.reset_id, self.t_capture_ns, self.camera_to_action_ns, self.deadline_misses,
+            self.reset_id, self.t_capture_ns, self.camera_to_action_ns, self.deadline_misses, self.reward,
         )  # fmt: skip
 
     @classmethod
@@ -67,7 +70,7 @@ class FrameHeader(NamedTuple):
         """Reads `encode`'s bytes.
 
         Raises:
-            MessageError: another size, schema or kind.
+            MessageError: another size, schema or kind, or an infinite reward.
         """
         if len(data) != _HEADER.size:
             raise MessageError(f"frame header: {len(data)} bytes, expected {_HEADER.size}")
@@ -83,13 +86,17 @@ class FrameHeader(NamedTuple):
             t_ns,
             loop_ns,
             misses,
+            reward,
         ) = _HEADER.unpack(data)
         if schema != SCHEMA:
             raise MessageError(f"frame header: schema {schema}, this program reads {SCHEMA}")
         if kind >= len(_KINDS):
             raise MessageError(f"frame header: kind {kind} is none of 0..{len(_KINDS) - 1}")
+        if math.isinf(reward):
+            raise MessageError(f"frame header: reward {reward}")
         return cls(
-            _KINDS[kind], iteration, episode, step, reset_id, t_ns, applied, loop_ns, misses, channels
+            _KINDS[kind], iteration, episode, step, reset_id, t_ns, applied, loop_ns, misses, channels,
+            reward,
         )  # fmt: skip
 
 

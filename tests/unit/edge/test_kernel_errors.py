@@ -38,12 +38,12 @@ def test_an_unknown_path_is_refused_with_the_choices() -> None:
 
 
 def test_running_without_weights_is_refused(kernel: kernels.Kernel) -> None:
-    with pytest.raises(RuntimeError, match=r"has no weights: call load\(blob\)"):
+    with pytest.raises(RuntimeError, match=r"has no weights: call load\(weights\)"):
         kernel.run(IMAGE)
 
 
 def test_tracing_without_weights_is_refused() -> None:
-    with pytest.raises(RuntimeError, match=r"has no weights: call load\(blob\)"):
+    with pytest.raises(RuntimeError, match=r"has no weights: call load\(weights\)"):
         NativeKernel().trace(IMAGE)
 
 

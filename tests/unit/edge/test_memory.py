@@ -18,12 +18,12 @@ IMAGE = RNG.integers(0, 256, SPEC.observation_shape, dtype=np.uint8)
 
 @pytest.fixture
 def memory() -> WeightMemory:
-    return WeightMemory("native", SPEC, Counters())
+    return WeightMemory("native", Counters())
 
 
 def expect_version(memory: WeightMemory, version: int) -> None:
-    assert memory.blob is not None
-    assert memory.blob.version == version
+    assert memory.weights is not None
+    assert memory.weights.version == version
     np.testing.assert_array_equal(memory.run(IMAGE), golden.forward(BLOBS[version], IMAGE)[-1])
 
 
@@ -59,8 +59,8 @@ def test_the_same_version_of_a_later_attempt_takes_over(memory: WeightMemory) ->
     memory.activate(0, timeout_s=0)
     memory.offer(replace(BLOBS[0], attempt=2))
     assert memory.activate(0, timeout_s=0)
-    assert memory.blob is not None
-    assert memory.blob.attempt == 2
+    assert memory.weights is not None
+    assert memory.weights.attempt == 2
     expect_version(memory, 0)
 
 

@@ -26,7 +26,9 @@ def test_an_episode_holds_what_was_seen_done_and_computed(
             kind = FrameKind.FAILED if failed else FrameKind.LAST
         applied = NO_ACTION if step == 0 else actions[step - 1]
         recorder.add_frame(
-            FrameHeader(kind, 4, 2, step, 9, 0, applied, step * 10, step // 2), frame, 1000 + step
+            FrameHeader(kind, 4, 2, step, 9, 0, applied, step * 10, step // 2, reward=step / 4),
+            frame,
+            1000 + step,
         )
         np.testing.assert_array_equal(recorder.observation(), frame)
         if step < len(actions):
@@ -38,6 +40,7 @@ def test_an_episode_holds_what_was_seen_done_and_computed(
     np.testing.assert_array_equal(episode.frames, frames)
     np.testing.assert_array_equal(episode.outputs, outputs)
     assert episode.actions.tolist() == actions
+    assert episode.rewards.tolist() == [t / 4 for t in range(1, len(actions) + 1)]
     assert episode.camera_to_action_ns.tolist() == [10 * t for t in range(1, len(actions) + 1)]
     assert episode.meta.failed == failed
     assert episode.meta.deadline_misses == len(actions) // 2

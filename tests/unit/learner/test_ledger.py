@@ -21,7 +21,14 @@ CONFIG = RunConfig.for_task("reaching", seed=3, episodes=4, steps=2)
 TASK = CONFIG.task_spec
 
 
-def played(iteration: int, episode: int, steps: int = 2, **changes: Any) -> bytes:
+def played(
+    iteration: int,
+    episode: int,
+    steps: int = 2,
+    outputs: type = np.int32,
+    rewards: float = np.nan,
+    **changes: Any,
+) -> bytes:
     meta = EpisodeMeta(
         iteration=iteration, episode=episode, seed=episode_seed(CONFIG.seed, iteration, episode),
         slot=0, worker="edge-0", weights_attempt=1, weights_version=iteration, failed=False,
@@ -31,7 +38,8 @@ def played(iteration: int, episode: int, steps: int = 2, **changes: Any) -> byte
         meta=meta,
         frames=np.zeros((steps + 1, *TASK.frame_shape), np.uint8),
         actions=np.zeros(steps, np.uint8),
-        outputs=np.zeros((steps, TASK.actions), np.int32),
+        rewards=np.full(steps, rewards),
+        outputs=np.zeros((steps, TASK.actions), outputs),
         inference_ns=np.zeros(steps, np.uint32),
         camera_to_action_ns=np.zeros(steps, np.uint32),
     ).encode()
@@ -110,6 +118,7 @@ def test_any_order_of_deliveries_gives_the_same_data(
         (played(0, 0, seed=1), "seed 1 is another run's"),
         (played(0, 0, steps=1), "1 steps, an episode of this run has 2"),
         (played(0, 0, steps=3), "3 steps"),
+        (played(0, 0, outputs=np.float32), "outputs are float32, bpn has int32"),
     ],
 )
 def test_an_episode_that_is_no_data_is_refused_with_its_reason(
@@ -127,6 +136,20 @@ def test_a_failed_episode_may_be_shorter(folder: RunFolder) -> None:
     ledger = EpisodeLedger(CONFIG, folder, alive=set())
     ledger.begin(0, attempt=1)
     assert ledger.receive(played(0, 0, steps=1, failed=True)).verdict == "stored"
+
+
+def test_rewards_told_by_a_robot_have_to_be_there_and_its_episodes_may_end_early(
+    tmp_path: Path,
+) -> None:
+    config = RunConfig.for_task(
+        "gym:A-v0", actions=14, frames_stacked=1, seed=3, episodes=4, steps=2
+    )
+    ledger = EpisodeLedger(config, RunFolder.create(tmp_path, UUID(int=1), config), alive=set())
+    ledger.begin(0, attempt=1)
+    assert ledger.receive(played(0, 0)).reason.startswith("not every step has a reward")
+    assert ledger.receive(played(0, 0, rewards=1.0)).verdict == "stored"
+    assert ledger.receive(played(0, 1, steps=1, rewards=1.0)).verdict == "stored"
+    assert ledger.receive(played(0, 2, steps=3, rewards=1.0)).verdict == "refused"
 
 
 def test_damaged_bytes_are_refused(folder: RunFolder) -> None:

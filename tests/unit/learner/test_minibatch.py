@@ -1,6 +1,7 @@
 """The kernel's gradients are autograd's: every geometry, every instruction-set path, bit by bit repeatable."""
 
 import copy
+from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -15,9 +16,16 @@ from bpn_learner.minibatch import (
     autograd_gradients,
     available_paths,
     minibatch_gradients,
+    native_float_gradients,
     native_gradients,
 )
-from bpn_learner.networks import BATCH_NORM_EPSILON, BinaryNetwork, FloatNetwork, dot_products
+from bpn_learner.networks import (
+    BATCH_NORM_EPSILON,
+    BinaryNetwork,
+    FloatNetwork,
+    PNetwork,
+    dot_products,
+)
 from bpn_learner.update import make_optimizer
 from bpn_shared.bnn.spec import NetworkSpec
 
@@ -34,6 +42,12 @@ def binary_network(spec: NetworkSpec, seed: int) -> BinaryNetwork:
     return network
 
 
+def float_network(spec: NetworkSpec, seed: int) -> FloatNetwork:
+    network = FloatNetwork(spec, generator=torch.Generator().manual_seed(seed)).train()
+    network.weights.data.mul_(2)  # so that the signal reaches the last layer
+    return network
+
+
 def data(spec: NetworkSpec, seed: int) -> tuple[Tensor, Tensor, Tensor]:
     rng = np.random.default_rng(seed)
     pixels = rng.integers(0, 256, (TRANSITIONS, 84, 84, spec.channels), np.uint8)
@@ -42,9 +56,7 @@ def data(spec: NetworkSpec, seed: int) -> tuple[Tensor, Tensor, Tensor]:
     return torch.from_numpy(pixels), torch.from_numpy(actions), torch.from_numpy(y)
 
 
-def named_gradients(
-    network: BinaryNetwork, gradients: Gradients, batch: Tensor
-) -> dict[str, Tensor]:
+def named_gradients(network: PNetwork, gradients: Gradients, batch: Tensor) -> dict[str, Tensor]:
     network.zero_grad()
     loss = torch.as_tensor(float(gradients(batch)))
     named = {name: p.grad.clone() for name, p in network.named_parameters() if p.grad is not None}
@@ -68,7 +80,7 @@ def margin(network: BinaryNetwork, pixels: Tensor) -> float:
 
 
 def exact_gradients(
-    network: BinaryNetwork, pixels: Tensor, actions: Tensor, y: Tensor, batch: Tensor
+    network: PNetwork, pixels: Tensor, actions: Tensor, y: Tensor, batch: Tensor
 ) -> dict[str, Tensor]:
     double = copy.deepcopy(network).double()
     P = double(pixels[batch].double().permute(0, 3, 1, 2))
@@ -115,6 +127,52 @@ def test_gradients_are_autograds(path: str, spec: NetworkSpec, B: int, seed: int
         )
 
 
+@torch.no_grad()
+def float_margin(network: FloatNetwork, pixels: Tensor) -> float:
+    """How far the nearest value is from where ReLU bends, relative to its layer's, in float64."""
+    x, nearest = pixels.double().permute(0, 3, 1, 2), float("inf")
+    for layer, (weights, bias) in zip(network.spec.layers[:-1], network.affine(), strict=False):
+        z = dot_products(layer, weights.double(), x, bias.double())
+        nearest = min(nearest, float(z.abs().min() / z.abs().max()))
+        x = z.relu()
+    return nearest
+
+
+@pytest.mark.parametrize("path", PATHS)
+@settings(max_examples=40, derandomize=True)
+@given(
+    spec=st.builds(
+        NetworkSpec,
+        channels=st.integers(1, 16),
+        nodes=st.integers(1, 130),
+        actions=st.integers(2, 40),
+    ),
+    B=st.integers(1, TRANSITIONS),
+    seed=st.integers(0, 1000),
+)
+@example(spec=NetworkSpec(channels=6, nodes=100, actions=7), B=TRANSITIONS, seed=0)
+@example(spec=NetworkSpec(channels=16, nodes=1, actions=64), B=2, seed=1)
+@example(spec=NetworkSpec(channels=1, nodes=256, actions=14), B=9, seed=2)
+def test_gradients_of_float_networks_are_autograds(
+    path: str, spec: NetworkSpec, B: int, seed: int
+) -> None:
+    network, (pixels, actions, y) = float_network(spec, seed), data(spec, seed)
+    batch = torch.randperm(TRANSITIONS, generator=torch.Generator().manual_seed(seed))[:B]
+    assume(
+        float_margin(network, pixels[batch]) > 1e-7
+    )  # else rounding decides the side of the bend
+    exact = exact_gradients(network, pixels, actions, y, batch)
+    plain = named_gradients(network, autograd_gradients(network, pixels, actions, y), batch)
+    native = native_float_gradients(network, pixels, actions, y, path=path)
+    found = named_gradients(network, native, batch)
+    assert found.keys() == plain.keys() == exact.keys() == {"loss", "weights", "biases"}
+    for name, gradient in exact.items():
+        rounding = distance(plain[name], gradient)
+        assert distance(found[name], gradient) < 1e-5 + 4 * rounding, (
+            f"{name}, autograd's: {rounding}"
+        )
+
+
 def test_the_brightest_pixels_overflow_nothing() -> None:
     spec = NetworkSpec(channels=16, nodes=5, actions=3)
     pixels = torch.full((2, 84, 84, 16), 255, dtype=torch.uint8)
@@ -130,19 +188,30 @@ def test_the_brightest_pixels_overflow_nothing() -> None:
         assert torch.allclose(found["loss"], expected["loss"], rtol=1e-5), path
 
 
+def native(
+    network: BinaryNetwork | FloatNetwork, pixels: Tensor, actions: Tensor, y: Tensor, path: str
+) -> Gradients:
+    if isinstance(network, BinaryNetwork):
+        return native_gradients(network, pixels, actions, y, path=path)
+    return native_float_gradients(network, pixels, actions, y, path=path)
+
+
 @pytest.mark.parametrize("path", PATHS)
-def test_equal_inputs_give_equal_bits_wherever_memory_lies(path: str) -> None:
+@pytest.mark.parametrize("make", [binary_network, float_network])
+def test_equal_inputs_give_equal_bits_wherever_memory_lies(
+    path: str, make: Callable[[NetworkSpec, int], BinaryNetwork | FloatNetwork]
+) -> None:
     spec = NetworkSpec(channels=3, nodes=33, actions=5)
     pixels, actions, y = data(spec, 0)
     batch = torch.arange(TRANSITIONS - 1)
     results = []
     for offset in (0, 1, 4, 60):
-        network = binary_network(spec, 0)
+        network = make(spec, 0)
         shifted = torch.empty(pixels.numel() + offset, dtype=torch.uint8)[offset:]
         moved = shifted.view(pixels.shape).copy_(pixels)
-        native = native_gradients(network, moved, actions, y, path=path)
-        native(torch.arange(2))  # scratch that another minibatch has used
-        results.append(named_gradients(network, native, batch))
+        gradients = native(network, moved, actions, y, path)
+        gradients(torch.arange(2))  # scratch that another minibatch has used
+        results.append(named_gradients(network, gradients, batch))
     for result in results[1:]:
         for name, value in result.items():
             assert torch.equal(value, results[0][name]), name
@@ -183,18 +252,28 @@ def test_bad_input_is_refused() -> None:
         native_gradients(network, pixels, actions, y, path="mmx")
 
 
-def test_the_float_network_and_the_plain_engine_use_autograd() -> None:
+def test_bad_input_for_float_networks_is_refused() -> None:
+    spec = NetworkSpec(channels=2, nodes=20, actions=4)
+    pixels, actions, y = data(spec, 0)
+    network = float_network(spec, 0)
+    with pytest.raises(IndexError, match="outside D"):
+        native_float_gradients(network, pixels, actions, y)(torch.tensor([0, TRANSITIONS]))
+    other = float_network(NetworkSpec(channels=2, nodes=21, actions=4), 0)
+    other.spec = spec
+    with pytest.raises(ValueError, match="not the network's sizes"):
+        native_float_gradients(other, pixels, actions, y)(torch.tensor([0, 1]))
+
+
+@pytest.mark.parametrize("make", [binary_network, float_network])
+def test_fast_is_the_kernel_and_plain_is_autograd(
+    make: Callable[[NetworkSpec, int], BinaryNetwork | FloatNetwork],
+) -> None:
     spec = NetworkSpec(channels=1, nodes=6, actions=3)
     pixels, actions, y = data(spec, 0)
     observations = pixels.permute(0, 3, 1, 2)
-    network = FloatNetwork(spec, generator=torch.Generator().manual_seed(0))
-    batch = torch.arange(4)
-    losses = []
-    for engine in ("fast", "plain"):
-        network.zero_grad()
-        gradients = minibatch_gradients(engine, network, observations, actions, y)
-        losses.append(gradients(batch))
-        assert all(p.grad is not None for p in network.parameters())
-    assert losses[0] == losses[1]
-    plain = minibatch_gradients("plain", binary_network(spec, 0), observations, actions, y)
-    assert isinstance(plain(batch), Tensor)
+    network, batch = make(spec, 0), torch.arange(4)
+    fast = minibatch_gradients("fast", network, observations, actions, y)(batch)
+    plain = minibatch_gradients("plain", network, observations, actions, y)(batch)
+    assert isinstance(fast, float)
+    assert isinstance(plain, Tensor)
+    assert fast == pytest.approx(float(plain), rel=1e-5)

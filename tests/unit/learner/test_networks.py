@@ -137,9 +137,28 @@ def test_reestimation_needs_an_observation() -> None:
 def test_the_float_network_has_the_geometry_and_no_limit() -> None:
     network: PNetwork = FloatNetwork(SPEC, generator=torch.Generator().manual_seed(0))
     assert network(images(3).float()).shape == (3, SPEC.actions)
-    weights = [p for p in network.parameters() if p.dim() > 1]
-    assert [(w.shape[0], w[0].numel()) for w in weights] == [g.weight_shape for g in SPEC.layers]
+    assert sum(p.numel() for p in network.parameters()) == SPEC.weight_bits + sum(
+        layer.out_channels for layer in SPEC.layers
+    )
     assert network.max_preference() == float("inf")
+
+
+def test_the_float_network_is_torchs_layers() -> None:
+    network = FloatNetwork(SPEC, generator=torch.Generator().manual_seed(0))
+    parts: list[nn.Module] = []
+    for layer, (weights, bias) in zip(SPEC.layers, network.affine(), strict=True):
+        part = nn.Conv2d(layer.in_channels, layer.out_channels, layer.kernel, layer.stride)
+        shape = (layer.out_channels, layer.kernel, layer.kernel, layer.in_channels)
+        part.weight.data = weights.detach().reshape(shape).permute(0, 3, 1, 2).contiguous()
+        part.bias.data = bias.detach()
+        parts += [part, nn.ReLU()]
+    pixels = images(5).float()
+    P = network(pixels)
+    assert torch.allclose(P, nn.Sequential(*parts[:-1])(pixels).flatten(1), rtol=1e-4, atol=1e-6)
+    conv1 = network.affine()[0][0].detach()
+    assert conv1.abs().max() * 255 == pytest.approx(SPEC.layers[0].fan_in ** -0.5, rel=0.05)
+    P.square().sum().backward()
+    assert all(p.grad is not None and p.grad.any() for p in network.parameters())
 
 
 def test_the_largest_preference_is_lambda_n() -> None:

@@ -54,6 +54,12 @@ def test_optimum_is_the_best_of_all_sequences(steps: int) -> None:
     assert optimum.optimal_return(steps) == pytest.approx(best)
 
 
+@pytest.mark.parametrize("steps", [0, 1, 2, 3])
+def test_random_play_returns_the_mean_of_all_sequences(steps: int) -> None:
+    returns = [ideal_return(actions) for actions in product(range(14), repeat=steps)]
+    assert optimum.random_return(steps) == pytest.approx(sum(returns) / len(returns))
+
+
 @pytest.mark.parametrize("steps", [1, 5, 20, 40])
 def test_optimal_actions_give_the_optimal_return_in_the_simulation(
     robot: ReachingRobot, steps: int

@@ -4,40 +4,38 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from bpn_shared.algorithms import AlgorithmName
 from bpn_shared.config import PRESETS, ConfigError, RunConfig
 from bpn_shared.tasks import TASKS, Task
 
-
-def test_the_reaching_preset_is_table_one() -> None:
-    config = RunConfig.for_task("reaching")
-    table = {
-        "alpha": 0.95, "beta": 1, "gamma": 0.99, "epochs": 50, "batch": 32, "iterations": 50,
-        "episodes": 10, "steps": 20, "datasets": 3,
-    }  # fmt: skip
-    assert {name: getattr(config, name) for name in table} == table
-    assert not config.mask_terminals  # Algorithm 1 as printed
+TABLE_ONE = {
+    "alpha": 0.95, "beta": 1, "gamma": 0.99, "epochs": 50, "batch": 32, "iterations": 50,
+    "episodes": 10, "steps": 20, "datasets": 3,
+}  # fmt: skip
 
 
 @pytest.mark.parametrize(
     ("task", "differences"),
     [
-        ("tracking", {"nodes": 100, "steps": 40, "reward_scale": 0.2}),
-        (
-            "pan_tilt",
-            {
-                "nodes": 100,
-                "alpha": 0.95,
-                "beta": 3,
-                "iterations": 150,
-                "steps": 80,
-                "reward_scale": 0.2,
-            },
-        ),
+        ("reaching", {}),
+        ("tracking", {"steps": 40}),
+        ("pan_tilt", {"nodes": 100, "beta": 3, "iterations": 150, "steps": 80}),
     ],
 )
-def test_the_other_presets_are_table_one_but_for(task: str, differences: dict[str, Any]) -> None:
-    reaching = RunConfig.for_task("reaching").model_dump()
-    assert RunConfig.for_task(task).model_dump() == reaching | {"task": task} | differences
+def test_presets_are_the_papers_where_it_gives_values(
+    task: str, differences: dict[str, Any]
+) -> None:
+    config = RunConfig.for_task(task)
+    expected = TABLE_ONE | differences
+    assert {name: getattr(config, name) for name in expected} == expected
+    assert not config.mask_terminals  # Algorithm 1 as printed
+    of_task = config.task_spec
+    assert (config.frame_channels, config.frames_stacked, config.frame_skip, config.actions) == (
+        of_task.frame_channels,
+        of_task.frames_stacked,
+        1,
+        of_task.actions,
+    )
 
 
 @pytest.mark.parametrize("task", TASKS.values(), ids=lambda task: task.name)
@@ -57,6 +55,34 @@ def test_every_task_has_a_preset_and_observations_of_its_network(task: Task) -> 
         ({"nodes": "many"}, "nodes = 'many': Input should be a valid integer"),
         ({"pacing": "slow"}, "pacing = 'slow': Input should be 'lockstep' or 'realtime'"),
         ({"task": "flying"}, "task = 'flying': task = 'flying' is unknown; one of: reaching"),
+        ({"algorithm": "sarsa"}, "algorithm = 'sarsa': Input should be 'bpn', 'bqn'"),
+        (
+            {"algorithm": "dpp", "alpha": 0.9},
+            "alpha = 0.9: dpp is CVI with alpha = 1; leave alpha out",
+        ),
+        (
+            {"algorithm": "cvi", "kernel": "native"},
+            "kernel = 'native' does not run the network of 'cvi'",
+        ),
+        ({"kernel": "onnx"}, "does not run the network of 'bpn', which is binary; one of: native"),
+        ({"frames_stacked": 4}, "frames_stacked = 4: task 'reaching' has 1; leave it out"),
+        ({"actions": 3}, "actions = 3: task 'reaching' has 14"),
+        (
+            {"task": "gym:CartPole-v1", "actions": 0},
+            "actions = 0: give the number of actions of 'gym:Cart",
+        ),
+        ({"task": "gym:A-v1", "actions": 1}, "actions = 1: give the number of actions"),
+        ({"task": "gym:A-v1", "actions": 2, "frame_channels": 2}, "must be 1 (gray) or 3 (RGB)"),
+        (
+            {"task": "gym:A-v1", "actions": 2, "frame_channels": 3, "frames_stacked": 6},
+            "frames_stacked = 6 of 3 channels: an observation has at most 16",
+        ),
+        (
+            {"task": "gym:A-v1", "actions": 2, "pacing": "realtime"},
+            "pacing = 'realtime': 'gym:A-v1' has no clock of its own; choose lockstep",
+        ),
+        ({"task": "gym:"}, "task = 'gym:' is unknown; one of: reaching"),
+        ({"task": "gym:a b", "actions": 2}, "gym:ENVIRONMENT-ID"),
         ({"alhpa": 0.5}, "alhpa = 0.5: unknown; one of: task, algorithm"),
     ],
 )
@@ -64,6 +90,23 @@ def test_a_wrong_value_names_itself_and_its_range(changes: dict[str, Any], messa
     with pytest.raises(ConfigError) as error:
         RunConfig.for_task(**{"task": "reaching", **changes})
     assert message in str(error.value)
+
+
+def test_a_gym_environment_is_a_task_by_its_name() -> None:
+    config = RunConfig.for_task("gym:space/Some-v3", actions=5, frame_channels=3, frames_stacked=4)
+    task = config.task_spec
+    assert (task.env_id, task.actions, task.frame_shape) == ("space/Some-v3", 5, (3, 84, 84))
+    assert (config.network.channels, config.network.actions) == (12, 5)
+    assert (task.rewards, task.return_metric, task.return_unit) == ("robot", "return", "")
+    assert config.mask_terminals
+    assert RunConfig.from_json(config.model_dump_json().encode(), source="x") == config
+    assert RunConfig.for_task("gym:A-v0", actions="2").network.channels == 2
+
+
+def test_a_papers_task_says_what_it_has() -> None:
+    config = RunConfig.for_task("tracking", frames_stacked="0")  # 0: as the task has it
+    assert (config.frame_channels, config.frames_stacked, config.actions) == (3, 2, 7)
+    assert (config.task_spec.return_metric, config.task_spec.return_unit) == ("return_px", " px")
 
 
 @given(st.binary(max_size=200))
@@ -79,10 +122,34 @@ def test_json_gives_the_same_configuration(iteration: int, seed: int) -> None:
     assert config.epsilon_final <= config.epsilon(iteration) <= config.epsilon_initial
 
 
-def test_only_dqn_explores_with_epsilon() -> None:
-    assert RunConfig(algorithm="bpn").epsilon(0) == 0
-    bqn = RunConfig(algorithm="bqn", iterations=50)
-    assert [bqn.epsilon(i) for i in (0, 25, 49)] == pytest.approx([1.0, 0.05, 0.05])
+@pytest.mark.parametrize(
+    ("name", "network", "update"),
+    [
+        ("bpn", "binary", "cvi"),
+        ("bqn", "binary", "dqn"),
+        ("cvi", "float", "cvi"),
+        ("dqn", "float", "dqn"),
+        ("dpp", "float", "cvi"),
+    ],
+)
+def test_an_algorithm_is_a_network_and_an_update(
+    name: AlgorithmName, network: str, update: str
+) -> None:
+    for config in (RunConfig(algorithm=name), RunConfig.for_task("pan_tilt", algorithm=name)):
+        assert (config.algorithm_spec.network, config.algorithm_spec.update) == (network, update)
+        assert config.kernel == {"binary": "native", "float": "onnx"}[network]
+        assert config.alpha == (1.0 if name == "dpp" else 0.95)
+        assert RunConfig.from_json(config.model_dump_json().encode(), source="x") == config
+
+
+@pytest.mark.parametrize(
+    ("name", "explores"),
+    [("bpn", False), ("bqn", True), ("cvi", False), ("dqn", True), ("dpp", False)],
+)
+def test_only_dqn_explores_with_epsilon(name: AlgorithmName, explores: bool) -> None:
+    config = RunConfig(algorithm=name, iterations=50)
+    expected = [1.0, 0.05, 0.05] if explores else [0, 0, 0]
+    assert [config.epsilon(i) for i in (0, 25, 49)] == pytest.approx(expected)
 
 
 @given(st.integers(1, 200), st.floats(0, 1))
@@ -93,3 +160,8 @@ def test_the_rate_falls_linearly_over_the_run(iterations: int, last: float) -> N
     assert shares == sorted(shares, reverse=True)
     if iterations > 1:
         assert shares[-1] == pytest.approx(last)
+
+
+def test_relative_targets_and_masked_terminals_exclude_each_other() -> None:
+    with pytest.raises(ConfigError, match="relative_targets = True with mask_terminals = True"):
+        RunConfig.for_task("tracking", relative_targets=True, mask_terminals=True)

@@ -24,7 +24,7 @@ REACHING = task_named("reaching")
 u32, u64 = st.integers(0, 2**32 - 1), st.integers(0, 2**64 - 1)
 headers = st.builds(
     FrameHeader, st.sampled_from(FrameKind), u32, u32, u32, u64, u64, st.integers(0, 255), u32, u32,
-    st.just(1),
+    st.just(1), st.floats(allow_nan=False, allow_infinity=False),
 )  # fmt: skip
 previews = st.builds(
     lambda channels, stacked, *rest: PreviewHeader(channels * stacked, stacked, *rest),
@@ -43,6 +43,7 @@ def make_episode(steps: int = 3, seed: int = 0, **changes: Any) -> Episode:
         meta=meta.model_copy(update=changes),
         frames=rng.integers(0, 256, (steps + 1, *REACHING.frame_shape), dtype=np.uint8),
         actions=rng.integers(0, REACHING.actions, steps, dtype=np.uint8),
+        rewards=rng.normal(size=steps),
         outputs=rng.integers(-100, 100, (steps, REACHING.actions), dtype=np.int32),
         inference_ns=rng.integers(0, 10**6, steps, dtype=np.uint32),
         camera_to_action_ns=rng.integers(0, 10**6, steps, dtype=np.uint32),
@@ -93,13 +94,41 @@ def test_maps_survive_the_wire(message: Any) -> None:
     assert type(message).decode(message.encode()) == message
 
 
-@given(st.integers(1, 8), st.integers(0, 2**32))
-def test_episodes_survive_the_wire(steps: int, seed: int) -> None:
+ARRAYS = ("frames", "actions", "rewards", "outputs", "inference_ns", "camera_to_action_ns")
+
+
+@given(st.integers(1, 8), st.integers(0, 2**32), st.sampled_from([np.int32, np.float32]))
+def test_episodes_survive_the_wire(steps: int, seed: int, outputs: type) -> None:
     episode = make_episode(steps, seed)
+    episode = replace(episode, outputs=episode.outputs.astype(outputs))
+    episode.rewards[0] = np.nan  # the robot knows none
     decoded = Episode.decode(episode.encode(), REACHING)
     assert decoded.meta == episode.meta
-    for name in ("frames", "actions", "outputs", "inference_ns", "camera_to_action_ns"):
+    for name in ARRAYS:
         np.testing.assert_array_equal(getattr(decoded, name), getattr(episode, name))
+        assert getattr(decoded, name).dtype == getattr(episode, name).dtype
+
+
+def test_a_frame_may_tell_of_no_reward_but_of_no_infinite_one() -> None:
+    header = FrameHeader(FrameKind.MID, 1, 2, 3, 4, 5)
+    assert np.isnan(FrameHeader.decode(header.encode()).reward)
+    with pytest.raises(MessageError, match="reward -inf"):
+        FrameHeader.decode(header._replace(reward=-np.inf).encode())
+
+
+def test_an_older_frame_or_episode_is_refused_by_its_schema() -> None:
+    header = FrameHeader(FrameKind.MID, 1, 2, 3, 4, 5).encode()
+    with pytest.raises(MessageError, match="frame header: schema 1, this program reads 2"):
+        FrameHeader.decode(b"\x01" + header[1:])
+    older = msgpack.packb({**msgpack.unpackb(EPISODE.encode()), "schema": 1})
+    with pytest.raises(MessageError, match="episode: schema 1, this program reads 2"):
+        Episode.decode(older, REACHING)
+
+
+def test_outputs_of_another_type_are_refused() -> None:
+    fields = msgpack.unpackb(EPISODE.encode())
+    with pytest.raises(MessageError, match="outputs_type"):
+        Episode.decode(msgpack.packb({**fields, "outputs_type": "float64"}), REACHING)
 
 
 @settings(max_examples=300)

@@ -20,9 +20,10 @@ from rich.table import Table
 from bpn.bench.machine import machine, one_core
 from bpn.bench.peers import stable_baselines3_updates
 from bpn_learner.minibatch import available_paths
-from bpn_learner.networks import BinaryNetwork
+from bpn_learner.networks import make_network
 from bpn_learner.transitions import EpisodeData, Transitions
 from bpn_learner.update import PolicyUpdate, make_optimizer, policy_update
+from bpn_shared.algorithms import NetworkKind
 from bpn_shared.bnn.spec import NetworkSpec
 from bpn_shared.config import Engine
 
@@ -53,8 +54,10 @@ def run(rounds: int = ROUNDS) -> dict[str, Any]:
     with one_core():
         D = _transitions()
         candidates: dict[str, Rate] = {
-            "bpn fast": _ours("fast", D),
-            "bpn plain": _ours("plain", D),
+            "bpn fast": _ours("binary", "fast", D),
+            "bpn plain": _ours("binary", "plain", D),
+            "bpn fast, float network": _ours("float", "fast", D),
+            "bpn plain, float network": _ours("float", "plain", D),
             _PEER: _peer(),
         }
         measured = [{name: rate() for name, rate in candidates.items()} for _ in range(rounds)]
@@ -96,10 +99,10 @@ def _transitions() -> Transitions:
     return Transitions.from_episodes(episodes, frames_stacked=FRAMES_STACKED)
 
 
-def _ours(engine: Engine, D: Transitions) -> Rate:
+def _ours(kind: NetworkKind, engine: Engine, D: Transitions) -> Rate:
     """The epochs of `policy_update` but its first, which also warms up."""
     generator = torch.Generator().manual_seed(0)
-    network = BinaryNetwork(SPEC, scale_initial=0.2, generator=generator)
+    network = make_network(kind, SPEC, scale_initial=0.2, generator=generator)
     optimizer = make_optimizer(network, 1e-3)
     settings = PolicyUpdate(epochs=_EPOCHS[engine], batch=BATCH, engine=engine)
     rng = np.random.default_rng(0)

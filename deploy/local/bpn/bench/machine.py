@@ -1,13 +1,20 @@
-"""What a measurement was made on."""
+"""What a measurement was made on and with."""
 
 import os
 import platform
 from collections.abc import Iterator
 from contextlib import contextmanager
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
 import psutil
+
+_PACKAGES = (
+    "bpn", "bpn-shared", "bpn-edge", "bpn-learner", "bpn-robot-sim", "eclipse-zenoh", "numpy",
+    "torch", "mujoco", "gymnasium", "onnxruntime", "opencv-python-headless", "pydantic", "msgpack",
+    "safetensors",
+)  # fmt: skip
 
 
 def machine() -> dict[str, Any]:
@@ -19,6 +26,18 @@ def machine() -> dict[str, Any]:
         "python": platform.python_version(),
         "system": platform.platform(),
     }
+
+
+def versions() -> dict[str, str]:
+    """The distributions that results may depend on, with their versions."""
+    return {name: _version(name) for name in _PACKAGES}
+
+
+def _version(name: str) -> str:
+    try:
+        return version(name)
+    except PackageNotFoundError:
+        return "not installed"
 
 
 def _cpu_model() -> str:

@@ -6,17 +6,17 @@ from typing import Any, Self
 
 import numpy as np
 import numpy.typing as npt
+import onnxruntime
 
+from bpn_learner.onnx_model import INPUT, onnx_model
 from bpn_shared.bnn.spec import MAX_PIXEL, Layer, NetworkSpec
 
 Floats = npt.NDArray[np.float32]
-_OPSET = 17
-_IR_VERSION = 10  # onnxruntime reads older models, and refuses those of a newer onnx
 
 
 @dataclass(frozen=True)
 class FloatNetwork:
-    """Weights float32[out, in, kernel, kernel] (fully connected: [out, in]) and biases float32[out]."""
+    """Weights float32[out, in, kernel, kernel] and biases float32[out] of every layer."""
 
     spec: NetworkSpec
     weights: tuple[Floats, ...]
@@ -27,9 +27,7 @@ class FloatNetwork:
         """Weights that keep the activations near 1 for pixels up to 255."""
         weights, biases = [], []
         for layer in spec.layers:
-            shape: tuple[int, ...] = (layer.out_channels, layer.fan_in)
-            if _is_convolution(layer):
-                shape = (layer.out_channels, layer.in_channels, layer.kernel, layer.kernel)
+            shape = (layer.out_channels, layer.in_channels, layer.kernel, layer.kernel)
             scale = np.sqrt(2 / layer.fan_in) / layer.max_input
             weights.append((rng.standard_normal(shape) * scale).astype(np.float32))
             biases.append((rng.standard_normal(layer.out_channels) * 0.1).astype(np.float32))
@@ -46,65 +44,20 @@ def _missing(error: ImportError, extra: str) -> RuntimeError:
 
 def onnxruntime_inference(network: FloatNetwork, pixels: Floats) -> Callable[[], Floats]:
     """One inference of `pixels` float32[1, C, 84, 84] in ONNX Runtime with one thread."""
-    try:
-        import onnxruntime  # noqa: PLC0415
-    except ImportError as error:
-        raise _missing(error, "'bpn[bench]'") from error
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads = options.inter_op_num_threads = 1
     session = onnxruntime.InferenceSession(
-        _onnx_model(network), options, providers=["CPUExecutionProvider"]
+        onnx_model(network.spec, network.weights, network.biases),
+        options,
+        providers=["CPUExecutionProvider"],
     )
-    feed = {"pixels": pixels}
+    feed = {INPUT: pixels}
 
     def infer() -> Floats:
         outputs: Floats = session.run(None, feed)[0]
         return outputs
 
     return infer
-
-
-def _onnx_model(network: FloatNetwork) -> bytes:
-    try:
-        from onnx import TensorProto, helper, numpy_helper  # noqa: PLC0415
-    except ImportError as error:
-        raise _missing(error, "'bpn[bench]'") from error
-    nodes: list[Any] = []
-    constants: list[Any] = []
-    value = "pixels"
-
-    def append(operator: str, *constant_names: str, **attributes: Any) -> None:
-        nonlocal value
-        output = f"{operator}{len(nodes)}"
-        nodes.append(helper.make_node(operator, [value, *constant_names], [output], **attributes))
-        value = output
-
-    layers = zip(network.spec.layers, network.weights, network.biases, strict=True)
-    for index, (layer, weights, biases) in enumerate(layers):
-        names = f"weights{index}", f"biases{index}"
-        constants += map(numpy_helper.from_array, (weights, biases), names)
-        if index > 0:
-            append("Relu")
-        if _is_convolution(layer):
-            append("Conv", *names, strides=[layer.stride] * 2)
-        else:
-            append("Flatten")
-            append("Gemm", *names, transB=1)
-    graph = helper.make_graph(
-        nodes,
-        "policy",
-        [
-            helper.make_tensor_value_info(
-                "pixels", TensorProto.FLOAT, [1, *network.spec.observation_shape]
-            )
-        ],
-        [helper.make_tensor_value_info(value, TensorProto.FLOAT, [1, network.spec.actions])],
-        constants,
-    )
-    model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", _OPSET)])
-    model.ir_version = _IR_VERSION
-    encoded: bytes = model.SerializeToString()
-    return encoded
 
 
 def torch_inference(network: FloatNetwork, pixels: Floats) -> Callable[[], Floats]:
@@ -116,20 +69,19 @@ def torch_inference(network: FloatNetwork, pixels: Floats) -> Callable[[], Float
     torch.set_num_threads(1)
     functional = torch.nn.functional
     x = torch.from_numpy(pixels)
-    layers = [
-        (torch.from_numpy(weights), torch.from_numpy(biases), layer.stride)
-        for weights, biases, layer in zip(
-            network.weights, network.biases, network.spec.layers, strict=True
-        )
-    ]
+    parameters = zip(network.spec.layers, network.weights, network.biases, strict=True)
+    layers = [(layer, torch.from_numpy(w), torch.from_numpy(b)) for layer, w, b in parameters]
 
     @torch.inference_mode()
     def infer() -> Floats:
         value = x
-        for weights, biases, stride in layers[:3]:
-            value = functional.relu(functional.conv2d(value, weights, biases, stride))
-        hidden = functional.relu(functional.linear(value.flatten(1), *layers[3][:2]))
-        outputs: Floats = functional.linear(hidden, *layers[4][:2]).numpy()
+        for layer, weights, biases in layers:
+            activation = value if value is x else functional.relu(value)
+            if _is_convolution(layer):
+                value = functional.conv2d(activation, weights, biases, layer.stride)
+            else:
+                value = functional.linear(activation.flatten(1), weights.flatten(1), biases)
+        outputs: Floats = value.numpy()
         return outputs
 
     return infer

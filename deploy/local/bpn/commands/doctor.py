@@ -4,19 +4,14 @@ import argparse
 import json
 import platform
 import socket
-from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
 import psutil
 from rich.console import Console
 
+from bpn.bench.machine import versions
 from bpn_edge.kernel import native
 from bpn_shared.bus.session import DEFAULT_ENDPOINT
-
-_PACKAGES = (
-    "bpn", "bpn-shared", "bpn-edge", "bpn-learner", "bpn-robot-sim", "eclipse-zenoh", "numpy",
-    "torch", "mujoco", "gymnasium", "opencv-python-headless", "pydantic", "msgpack", "safetensors",
-)  # fmt: skip
 
 
 def add(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
@@ -47,18 +42,11 @@ def examine() -> dict[str, Any]:
             "memory_gib": round(psutil.virtual_memory().total / 2**30, 1),
             "load_average": [round(load, 2) for load in psutil.getloadavg()],
         },
-        "versions": {name: _version(name) for name in _PACKAGES},
+        "versions": versions(),
         "kernel_paths": list(native.available_paths()),
         "rendering": _rendering(),
         "default_router_port": _port_state(),
     }
-
-
-def _version(name: str) -> str:
-    try:
-        return version(name)
-    except PackageNotFoundError:
-        return "not installed"
 
 
 def _rendering() -> dict[str, Any]:

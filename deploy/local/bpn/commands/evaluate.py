@@ -1,102 +1,100 @@
-"""`bpn eval`: plays a run's policy in its simulated robot and reports returns."""
+"""`bpn eval`: plays a run's policy with real processes and reports what came of it."""
 
 import argparse
 import json
-from typing import Any
+from pathlib import Path
+from typing import Any, get_args
 
-import numpy as np
 from rich.console import Console
 
+from bpn import optional
+from bpn.evaluation.outcome import outcome, summarize
+from bpn.evaluation.progress import trials_bar
+from bpn.evaluation.trials import PlayedPolicy, Trials, play
 from bpn.options import add_runs_dir
-from bpn_edge.kernel import load
-from bpn_edge.policy import epsilon_greedy_action, softmax_action
-from bpn_learner.reward import rewards
-from bpn_robot_sim.robot import Robot, make_robot
-from bpn_shared.bnn.blob import WeightBlob
-from bpn_shared.config import ConfigError, Kernel, RunConfig
-from bpn_shared.observation import stack
+from bpn_shared.config import ConfigError, Kernel, Pacing, RunConfig
 from bpn_shared.run_folder import RunFolder
-from bpn_shared.seeds import action_uniform, episode_seed
-
-_EVALUATION = 2**31  # stands where training has the iteration, so seeds are disjoint
+from bpn_shared.service import stop_on_signals
+from bpn_shared.weights import Weights, decode_weights
 
 
 def add(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
     parser = subparsers.add_parser("eval", help="play a trained policy", description=__doc__)
     parser.add_argument("run_id", metavar="RUN", help="id of the run, or its beginning or end")
     parser.add_argument("--trials", type=int, default=10, help="episodes (default 10)")
-    parser.add_argument("--policy", choices=("greedy", "softmax"), default="greedy")
+    parser.add_argument(
+        "--policy",
+        choices=get_args(PlayedPolicy),
+        default="greedy",
+        help="the best action, drawn as in training, or any (default greedy)",
+    )
     parser.add_argument("--version", type=int, help="weights version (default: the newest)")
-    parser.add_argument("--kernel", choices=("native", "golden"), default="native")
+    parser.add_argument("--seed", type=int, help="of starts and draws (default: the run's)")
+    parser.add_argument("--pacing", choices=get_args(Pacing), default="lockstep")
+    parser.add_argument(
+        "--action-delay-ms",
+        type=float,
+        default=0.0,
+        metavar="MS",
+        help="time added between a frame and its action's effect; needs --pacing realtime",
+    )
+    parser.add_argument("--kernel", choices=get_args(Kernel), help="default: the run's")
+    parser.add_argument("--robots", type=int, default=1, help="trials played side by side")
+    parser.add_argument("--video", type=Path, metavar="FILE", help="film, .mp4 or .gif")
+    parser.add_argument("--no-bars", action="store_true", help="film without action preferences")
+    parser.add_argument("--plot", type=Path, metavar="FILE", help="trajectories, .png or .svg")
     parser.add_argument("--json", action="store_true", help="print one JSON object")
     add_runs_dir(parser)
     parser.set_defaults(run=run)
 
 
 def run(options: argparse.Namespace) -> int:
-    """Plays the trials and prints their returns in pixels."""
+    """Plays the trials; exit status 130 if interrupted."""
     folder = RunFolder.open(options.runs_dir, options.run_id)
-    config = folder.config()
-    blob = _weights(folder, options.version)
-    if options.trials < 1:
-        raise ConfigError(f"--trials = {options.trials} must be at least 1")
-    robot = make_robot(config.task)
-    returns_px, lengths = [], []
-    for trial in range(options.trials):
-        frames = play(robot, blob, config, trial, policy=options.policy, kernel=options.kernel)
-        returns_px.append(float(rewards(config.task, frames).sum()))
-        lengths.append(len(frames) - 1)
-    robot.close()
-    result: dict[str, Any] = {
+    trials = _trials(options, folder.config())
+    config, weights = trials.config(folder.config()), _weights(folder, options.version)
+    video, plot = _media(options.video, options.plot)
+    stop = stop_on_signals()
+    with trials_bar(trials.count) as on_progress:
+        episodes = play(folder, weights, trials, stop, on_progress)
+    if stop.is_set():
+        return 130
+    result = {
         "run_id": str(folder.run),
-        "weights_version": blob.version,
-        "policy": options.policy,
-        "trials": options.trials,
-        "return_px": {"mean": float(np.mean(returns_px)), "std": float(np.std(returns_px))},
-        "returns_px": returns_px,
-        "lengths": lengths,
+        "task": config.task,
+        "algorithm": config.algorithm,
+        "weights_version": weights.version,
+        "policy": trials.policy,
+        "seed": trials.seed,
+        "pacing": config.pacing,
+        "action_delay_ms": config.action_delay_ms,
+        **summarize(config, [outcome(config, episode) for episode in episodes]),
     }
+    if video is not None:
+        video.write(options.video, episodes, config.task_spec, bars=not options.no_bars)
+    if plot is not None:
+        plot.write(options.plot, config.task, episodes)
     if options.json:
         print(json.dumps(result))
     else:
-        Console().print(
-            f"{options.trials} {options.policy} episodes with weights version {blob.version}: return "
-            f"{result['return_px']['mean']:.1f} ± {result['return_px']['std']:.1f} px, "
-            f"length {np.mean(lengths):.1f}",
-            highlight=False,
-        )
+        _show(result, config)
     return 0
 
 
-def play(
-    robot: Robot, blob: WeightBlob, config: RunConfig, trial: int, *, policy: str, kernel: Kernel
-) -> np.typing.NDArray[np.uint8]:
-    """One episode in lockstep, in this process.
-
-    Returns:
-        Its frames, uint8[T+1, c, 84, 84].
-    """
-    running = load(kernel)
-    running.load(blob)
-    seed = episode_seed(config.seed, _EVALUATION, trial)
-    frames = [robot.reset(seed)]
-    for step in range(config.steps):
-        observation = stack(frames, step, config.task_spec.frames_stacked)
-        outputs = running.run(observation)
-        uniform = action_uniform(seed, step)
-        if policy == "greedy":
-            action = epsilon_greedy_action(outputs, 0.0, uniform)
-        else:
-            action = softmax_action(outputs, blob.scale, config.beta, uniform)
-        robot.command(action)
-        robot.settle()
-        frames.append(robot.frame())
-        if robot.terminated:
-            break
-    return np.stack(frames)
+def _trials(options: argparse.Namespace, trained: RunConfig) -> Trials:
+    if options.trials < 1:
+        raise ConfigError(f"--trials = {options.trials} must be at least 1")
+    changes = {
+        "pacing": options.pacing,
+        "action_delay_ms": options.action_delay_ms,
+        "robots": options.robots,
+        "kernel": options.kernel or trained.kernel,
+    }
+    seed = trained.seed if options.seed is None else options.seed
+    return Trials(options.trials, options.policy, seed, changes)
 
 
-def _weights(folder: RunFolder, version: int | None) -> WeightBlob:
+def _weights(folder: RunFolder, version: int | None) -> Weights:
     if version is None:
         return folder.newest_weights()
     path = folder.weights_path(version)
@@ -104,4 +102,41 @@ def _weights(folder: RunFolder, version: int | None) -> WeightBlob:
         raise ConfigError(
             f"--version {version}: not in {path.parent}, the newest is {folder.newest_weights().version}"
         )
-    return WeightBlob.decode(path.read_bytes())
+    return decode_weights(path.read_bytes())
+
+
+def _media(video_path: Path | None, plot_path: Path | None) -> tuple[Any, Any]:
+    """The modules that write what is asked for: what is missing is said before the trials, not after."""
+    video = plot = None
+    if video_path is not None:
+        _check_suffix("--video", video_path, (".mp4", ".gif"))
+        video = optional.load("bpn.evaluation.video", extra="media", wanted_by="--video")
+    if plot_path is not None:
+        _check_suffix("--plot", plot_path, (".png", ".svg", ".pdf"))
+        plot = optional.load("bpn.evaluation.plot", extra="media", wanted_by="--plot")
+    return video, plot
+
+
+def _check_suffix(option: str, path: Path, suffixes: tuple[str, ...]) -> None:
+    if path.suffix not in suffixes:
+        raise ConfigError(f"{option} {path}: the name must end with one of {', '.join(suffixes)}")
+
+
+def _show(result: dict[str, Any], config: RunConfig) -> None:
+    task = config.task_spec
+    per_step = result["px_per_step" if task.rewards == "pixels" else "return_per_step"]["mean"]
+    tracked, time = result.get("tracking_time"), ""
+    if tracked is not None:
+        time = f" = {tracked['seconds']:.1f} s ({tracked['percent']:.0f} %)"
+    total = result[task.return_metric]
+    lines = [
+        f"{result['trials']} {result['policy']} trials in {result['pacing']}, weights version "
+        f"{result['weights_version']} of run {result['run_id']} ({config.algorithm}, {config.task})",
+        f"return   {total['mean']:8.1f} ± {total['std']:.1f}{task.return_unit}"
+        f"   ({per_step:.1f}{task.return_unit} a step)",
+        f"length   {result['length']['mean']:8.1f} ± {result['length']['std']:.1f} of {config.steps} steps{time}",
+        f"success  {100 * result['success_share']:8.0f} %",
+    ]
+    if config.pacing == "realtime":
+        lines.append(f"control periods without an action: {result['deadline_misses']}")
+    Console().print("\n".join(lines), highlight=False, soft_wrap=True)

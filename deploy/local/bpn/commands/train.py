@@ -15,9 +15,12 @@ from bpn.dashboard import Dashboard, DashboardError
 from bpn.local_run import execute, follow, new_run, private_endpoint
 from bpn.options import add_run_options, add_runs_dir, config_from, given_run_options
 from bpn.summary import summarize
-from bpn_shared.config import PRESETS, ConfigError
+from bpn_shared.config import ConfigError
 from bpn_shared.run_folder import RunFolder
 from bpn_shared.service import stop_on_signals
+from bpn_shared.tasks import TASKS
+
+_TASKS = f"{', '.join(TASKS)}, gym:ENVIRONMENT-ID"
 
 _NOTICED_S = 8.0
 _AGAIN_S = 0.5
@@ -25,7 +28,7 @@ _AGAIN_S = 0.5
 
 def add(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
     parser = subparsers.add_parser("train", help="train a policy", description=__doc__)
-    parser.add_argument("task", nargs="?", metavar="TASK", help=f"one of: {', '.join(PRESETS)}")
+    parser.add_argument("task", nargs="?", metavar="TASK", help=f"one of: {_TASKS}")
     parser.add_argument("--resume", metavar="RUN", help="go on with this run (id or its end)")
     parser.add_argument("--json", action="store_true", help="print one final JSON object only")
     add_runs_dir(parser)
@@ -53,7 +56,8 @@ def run(options: argparse.Namespace) -> int:
     elif summary["state"] == "finished":
         last = summary["returns"][-5:]
         out.print(
-            f"finished: mean return of the last {len(last)} iterations {sum(last) / len(last):.1f} px"
+            f"finished: mean return of the last {len(last)} iterations "
+            f"{sum(last) / len(last):.1f}{config.task_spec.return_unit}"
         )
     if summary["state"] == "finished":
         return 0
@@ -64,7 +68,7 @@ def run(options: argparse.Namespace) -> int:
 def _folder(options: argparse.Namespace, dashboard: Dashboard | None) -> RunFolder:
     if options.resume is None:
         if options.task is None:
-            raise ConfigError(f"TASK is missing; one of: {', '.join(PRESETS)}, or --resume RUN")
+            raise ConfigError(f"TASK is missing; one of: {_TASKS}, or --resume RUN")
         config = config_from(options)
         if dashboard is None:
             return new_run(options.runs_dir, config)

@@ -1,6 +1,7 @@
 """`bpn up`: the dashboard, and workers that do what is started there."""
 
 import argparse
+import socket
 import sys
 import threading
 import time
@@ -50,11 +51,13 @@ def run(options: argparse.Namespace) -> int:
             "stop it or choose another --runs-dir"
         )
     logs = options.runs_dir / ".logs"
-    endpoint = options.listen or private_endpoint()
-    supervisor = Supervisor(
-        services_of_pool(_size(options), options.runs_dir, endpoint, ["--port", str(options.port)]),
-        logs,
+    services = services_of_pool(
+        _size(options),
+        options.runs_dir,
+        options.listen or private_endpoint(),
+        ["--port", str(options.port or _free_port())],
     )
+    supervisor = Supervisor(services, logs)
     stop = stop_on_signals()
     try:
         supervisor.start()
@@ -65,6 +68,14 @@ def run(options: argparse.Namespace) -> int:
         raise RunFailedError(f"{supervisor.failure} in {logs}\n{_last_line(supervisor, logs)}")
     print("stopped; runs that were not finished go on with: bpn up", file=sys.stderr)
     return 130
+
+
+def _free_port() -> int:
+    """A port that stays the same when the dashboard is restarted: pages that are open find it again."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port: int = probe.getsockname()[1]
+        return port
 
 
 def _size(options: argparse.Namespace) -> PoolSize:

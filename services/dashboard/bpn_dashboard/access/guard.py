@@ -35,6 +35,7 @@ _HEADERS = {
     "permissions-policy": "camera=(), geolocation=(), microphone=()",
     "x-frame-options": "DENY",
 }
+MAX_BODY_BYTES = 1024 * 1024
 _SAFE_METHODS = ("GET", "HEAD", "OPTIONS")
 _REQUEST_ID = re.compile(r"[A-Za-z0-9._-]{1,64}")
 _LOOPBACK_NAMES = ("localhost", "127.0.0.1", "::1")
@@ -54,10 +55,14 @@ class Guard:
 
     Args:
         hosts: names by which the dashboard is reached, beside those of loopback.
+        max_body_bytes: of a request that says its length; the application bounds the others.
     """
 
-    def __init__(self, app: ASGIApp, hosts: Iterable[str] = ()) -> None:
+    def __init__(
+        self, app: ASGIApp, hosts: Iterable[str] = (), *, max_body_bytes: int = MAX_BODY_BYTES
+    ) -> None:
         self.app = app
+        self._max_body_bytes = max_body_bytes
         self._hosts = frozenset(host.lower() for host in (*_LOOPBACK_NAMES, *hosts))
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
@@ -69,6 +74,9 @@ class Guard:
         request_id = given if _REQUEST_ID.fullmatch(given) else uuid.uuid4().hex
         scope.setdefault("state", {})["request_id"] = request_id
         refusal = refuse(scope, headers, self._hosts)
+        length = headers.get("content-length", "0")
+        if refusal is None and length.isdecimal() and int(length) > self._max_body_bytes:
+            refusal = Refusal(413, "too-large", f"the limit is {self._max_body_bytes} bytes")
 
         async def send_guarded(message: Message) -> None:
             if message["type"] == "http.response.start":

@@ -6,7 +6,7 @@ from typing import Any
 
 from fastapi import APIRouter, FastAPI
 
-from bpn_dashboard.access.guard import Guard
+from bpn_dashboard.access.guard import MAX_BODY_BYTES, Guard
 from bpn_dashboard.api import (
     artefacts,
     episodes,
@@ -24,7 +24,6 @@ from bpn_dashboard.api.context import Context, Viewer
 from bpn_dashboard.api.openapi import describe
 
 PREFIX = "/api/v1"
-MAX_BODY_BYTES = 1024 * 1024
 
 Lifespan = Callable[[FastAPI], AbstractAsyncContextManager[None]]
 

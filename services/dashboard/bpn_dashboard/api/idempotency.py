@@ -17,6 +17,7 @@ from bpn_dashboard.database.engine import Database
 IdempotencyKey = Annotated[
     str | None,
     Header(
+        alias="Idempotency-Key",
         min_length=1,
         max_length=200,
         description="any text of your own; the same request with the same key is done once",

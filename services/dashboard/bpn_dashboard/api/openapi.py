@@ -1,6 +1,7 @@
 """The API's description: problems instead of the framework's errors, and which role an operation needs."""
 
 from collections.abc import Iterator
+from functools import cache
 from typing import Any
 
 from fastapi import FastAPI
@@ -15,7 +16,11 @@ ROLE = "x-bpn-role"
 
 
 def describe(app: FastAPI) -> None:
-    """Makes the application's document say what really happens. Call it when all routes are there."""
+    """From now on the application's document, made when it is first asked for, says what really happens."""
+    app.openapi = cache(lambda: _document(app))  # type: ignore[method-assign] # the framework's own way
+
+
+def _document(app: FastAPI) -> dict[str, Any]:
     document = get_openapi(
         title=app.title, version=app.version, summary=app.summary, routes=app.routes
     )
@@ -34,18 +39,20 @@ def describe(app: FastAPI) -> None:
         for method in route.methods or ():
             if method.lower() in operations:
                 _describe_operation(operations[method.lower()], route.dependant)
-    app.openapi = lambda: document  # type: ignore[method-assign] # the framework's own way
+    return document
 
 
 def _describe_operation(operation: dict[str, Any], dependant: Dependant) -> None:
     found = operation["responses"]
-    if "422" in found:
-        found |= {str(status): told for status, told in responses(422).items()}
+    problems = {422} if "422" in found else set()
+    if "requestBody" in operation:
+        problems |= {400, 413}
     role = next(_roles(dependant), None)
     if role is not None:
         operation[ROLE] = role
         operation["security"] = [{"bearer": []}, {"session": []}]
-        found |= {str(status): told for status, told in responses(401, 403, 429).items()}
+        problems |= {401, 403, 429}
+    found |= {str(status): told for status, told in responses(*sorted(problems)).items()}
 
 
 def _roles(dependant: Dependant) -> Iterator[str]:

@@ -3,7 +3,7 @@
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Header, Query, Response
-from pydantic import BaseModel
+from pydantic import BaseModel, Field
 
 from bpn_dashboard.access.roles import Identity
 from bpn_dashboard.api.context import Context, Operator, Parts, Viewer
@@ -20,7 +20,7 @@ from bpn_dashboard.api.models import (
 )
 from bpn_dashboard.api.problems import EXPECTED_ERRORS, ApiError, Problem, problem_of, responses
 from bpn_shared.config import PRESETS, RunConfig
-from bpn_shared.tasks import TASKS
+from bpn_shared.tasks import TASKS, Task
 
 router = APIRouter(tags=["runs"])
 
@@ -32,6 +32,20 @@ class TaskChoice(BaseModel):
 
     name: str
     title: str
+    action_names: Annotated[list[str], Field(description="what each action does, by number")]
+    frames_stacked: Annotated[int, Field(description="camera frames in one observation")]
+    control_period_s: float
+
+    @classmethod
+    def of(cls, task: Task) -> "TaskChoice":
+        """What people who choose or watch the task want to know of it."""
+        return cls(
+            name=task.name,
+            title=task.name.replace("_", " ").capitalize(),
+            action_names=list(task.action_names),
+            frames_stacked=task.frames_stacked,
+            control_period_s=task.control_period_s,
+        )
 
 
 class ConfigSchema(BaseModel):
@@ -65,7 +79,7 @@ def config_schema(_who: Viewer) -> ConfigSchema:
     return ConfigSchema(
         schema_=RunConfig.model_json_schema(),
         presets=PRESETS,
-        tasks=[TaskChoice(name=name, title=name.replace("_", " ").capitalize()) for name in TASKS],
+        tasks=[TaskChoice.of(task) for task in TASKS.values()],
         defaults=RunConfig().model_dump(),
     )
 

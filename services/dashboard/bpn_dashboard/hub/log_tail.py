@@ -2,7 +2,8 @@
 
 import asyncio
 import io
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 
 import orjson
@@ -13,7 +14,29 @@ PERIOD_S = 0.5
 BACKLOG_BYTES = 64 * 1024
 """Of each file, how much from before is told first."""
 _MAX_READ_BYTES = 256 * 1024
-_MAX_LINE_CHARACTERS = 10_000
+_MAX_CHARACTERS = 10_000
+
+
+@dataclass
+class _Entry:
+    """What a service said once, with the lines of a traceback that came with it."""
+
+    id: str
+    time_unix_s: float | None
+    level: str
+    service: str
+    lines: list[str]
+
+    def encode(self) -> bytes:
+        """The entry as JSON."""
+        entry = {
+            "id": self.id,
+            "time_unix_s": self.time_unix_s,
+            "level": self.level,
+            "service": self.service,
+            "message": "\n".join(self.lines)[:_MAX_CHARACTERS],
+        }
+        return orjson.dumps(entry)
 
 
 class _File:
@@ -25,8 +48,8 @@ class _File:
         self._skip_first = self._offset > 0  # it begins within a line
         self._level, self._service = "INFO", path.stem
 
-    def new_lines(self) -> Iterator[tuple[float | None, bytes]]:
-        """Time and JSON of every whole line that was added."""
+    def new_entries(self) -> list[_Entry]:
+        """What the whole lines say that were added."""
         if self._path.stat().st_size < self._offset:
             self._offset = 0  # begun anew
         with self._path.open("rb") as file:
@@ -35,49 +58,48 @@ class _File:
         end = data.rfind(b"\n") + 1
         if end == 0 and len(data) == _MAX_READ_BYTES:
             end = len(data)  # no line is that long
+        entries: list[_Entry] = []
         for raw in io.BytesIO(data[:end]):
             offset = self._offset
             self._offset += len(raw)
             if self._skip_first:
                 self._skip_first = False
                 continue
-            yield self._entry(offset, raw.rstrip(b"\r\n").decode(errors="replace"))
+            self._add(entries, offset, raw.rstrip(b"\r\n").decode(errors="replace"))
+        return entries
 
-    def _entry(self, offset: int, text: str) -> tuple[float | None, bytes]:
+    def _add(self, entries: list[_Entry], offset: int, text: str) -> None:
         line = log_lines.parse(text)
         if line.service is not None:
             self._service, self._level = line.service, line.level
-        entry = {
-            "id": f"{self._path.stem}:{offset}",
-            "time_unix_s": line.time_unix_s,
-            "level": self._level,  # a line without one belongs to the line before
-            "service": self._service,
-            "message": line.message[:_MAX_LINE_CHARACTERS],
-        }
-        return line.time_unix_s, orjson.dumps(entry)
+        elif entries:
+            entries[-1].lines.append(text)
+            return
+        name = f"{self._path.stem}:{offset}"
+        entries.append(_Entry(name, line.time_unix_s, self._level, self._service, [line.message]))
 
 
 class LogTail:
-    """New lines of all `*.log` files in a folder, those of one look sorted by time."""
+    """What is added to all `*.log` files in a folder; what one look finds is sorted by time."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
         self._files: dict[Path, _File] = {}
 
-    def new_lines(self) -> list[bytes]:
-        """What was added since the last call, one JSON object per line; the first call tells the end."""
-        lines: list[tuple[float, bytes]] = []
+    def new_entries(self) -> list[bytes]:
+        """What was added since the last call, a JSON object for each entry; at first, the files' ends."""
+        entries: list[tuple[float, _Entry]] = []
         for path in sorted(self._folder.glob("*.log")):
             try:
                 file = self._files.setdefault(path, _File(path))
                 time_unix_s = 0.0
-                for own_unix_s, entry in file.new_lines():
-                    time_unix_s = own_unix_s or time_unix_s
-                    lines.append((time_unix_s, entry))
+                for entry in file.new_entries():
+                    time_unix_s = entry.time_unix_s or time_unix_s
+                    entries.append((time_unix_s, entry))
             except FileNotFoundError:  # removed in between
                 self._files.pop(path, None)
-        lines.sort(key=lambda line: line[0])
-        return [entry for _, entry in lines]
+        entries.sort(key=lambda timed: timed[0])
+        return [entry.encode() for _, entry in entries]
 
 
 def follow(folder: Path, put: Callable[[bytes], None]) -> Callable[[], None]:
@@ -86,7 +108,7 @@ def follow(folder: Path, put: Callable[[bytes], None]) -> Callable[[], None]:
 
     async def read() -> None:
         while True:
-            for line in await asyncio.to_thread(tail.new_lines):
+            for line in await asyncio.to_thread(tail.new_entries):
                 put(line)
             await asyncio.sleep(PERIOD_S)
 

@@ -63,7 +63,7 @@ class Index:
         written_s = dict(_states_written_s(self._runs_dir))
         if self._seen_s is None:
             known = session.execute(select(RunRow.id, RunRow.updated_at))
-            self._seen_s = dict(known.tuples().all())
+            self._seen_s = dict(iter(known))
         seen_s, self._seen_s = self._seen_s, written_s
         return [run for run, at_s in written_s.items() if at_s > seen_s.get(run, float("inf"))]
 

@@ -1,9 +1,10 @@
 """The reference arithmetic as a kernel: slow (1-3 ms), needs nothing but numpy."""
 
-from bpn_edge.kernel.protocol import not_loaded
+from bpn_edge.kernel.protocol import binarized, not_loaded
 from bpn_shared.bnn import golden
 from bpn_shared.bnn.blob import WeightBlob
 from bpn_shared.bnn.golden import Integers, Observation
+from bpn_shared.weights import Weights
 
 
 class GoldenKernel:
@@ -14,9 +15,9 @@ class GoldenKernel:
     def __init__(self) -> None:
         self._blob: WeightBlob | None = None
 
-    def load(self, blob: WeightBlob) -> None:
+    def load(self, weights: Weights) -> None:
         """See `Kernel.load`."""
-        self._blob = blob
+        self._blob = binarized(self.name, weights)
 
     def run(self, observation: Observation) -> Integers:
         """See `Kernel.run`."""

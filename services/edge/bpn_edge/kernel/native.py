@@ -1,9 +1,9 @@
 """The C++ kernel: bit-parallel XNOR/popcount, bit-exact with `bpn_shared.bnn.golden`."""
 
 from bpn_edge.kernel import _native
-from bpn_edge.kernel.protocol import not_loaded
-from bpn_shared.bnn.blob import WeightBlob
+from bpn_edge.kernel.protocol import binarized, not_loaded
 from bpn_shared.bnn.golden import Integers, Observation
+from bpn_shared.weights import Weights
 
 
 def available_paths() -> tuple[str, ...]:
@@ -30,8 +30,9 @@ class NativeKernel:
         self.path = path or paths[0]
         self._network: _native.Network | None = None
 
-    def load(self, blob: WeightBlob) -> None:
+    def load(self, weights: Weights) -> None:
         """See `Kernel.load`; runs that have begun end with the weights they began with."""
+        blob = binarized(self.name, weights)
         self._network = _native.Network(
             self.path, blob.spec.channels, blob.weights, blob.thresholds
         )

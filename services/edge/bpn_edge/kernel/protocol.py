@@ -2,12 +2,14 @@
 
 from typing import Protocol
 
-from bpn_shared.bnn.blob import WeightBlob
-from bpn_shared.bnn.golden import Integers, Observation
+from bpn_shared.bnn.blob import BlobError, WeightBlob
+from bpn_shared.bnn.golden import Observation
+from bpn_shared.outputs import Outputs
+from bpn_shared.weights import Weights
 
 
 class Kernel(Protocol):
-    """Computes the integer outputs o of one policy; P = lambda * o (paper, section IV-B).
+    """Computes the outputs of one policy; P = scale * outputs (paper, section IV-B).
 
     One thread at a time may load; `run` uses the weights of the last `load` that returned.
     """
@@ -17,18 +19,22 @@ class Kernel(Protocol):
         """What `bpn_edge.kernel.load` calls this kernel."""
         ...
 
-    def load(self, blob: WeightBlob) -> None:
-        """Replaces the weights; any geometry is taken."""
+    def load(self, weights: Weights) -> None:
+        """Replaces the weights; any geometry is taken.
+
+        Raises:
+            BlobError: the kernel does not run policies of that kind, or cannot run this one.
+        """
         ...
 
-    def run(self, observation: Observation) -> Integers:
+    def run(self, observation: Observation) -> Outputs:
         """One inference.
 
         Args:
             observation: uint8[C, 84, 84]; a view that is not C-contiguous is copied first.
 
         Returns:
-            o_5, int32[|A|], an array of its own.
+            [|A|], an array of its own: o_5 as int32 of a binarized policy, P as float32 of a float one.
 
         Raises:
             RuntimeError: nothing was loaded yet.
@@ -37,6 +43,19 @@ class Kernel(Protocol):
         ...
 
 
+def binarized(name: str, weights: Weights) -> WeightBlob:
+    """The policy for a kernel that runs binarized ones.
+
+    Raises:
+        BlobError: it is another.
+    """
+    if not isinstance(weights, WeightBlob):
+        raise BlobError(f"the {name} kernel runs binarized policies, this one is float")
+    return weights
+
+
 def not_loaded(name: str) -> RuntimeError:
     """The error of a kernel that is run without weights."""
-    return RuntimeError(f"kernel {name!r} has no weights: call load(blob) before run(observation)")
+    return RuntimeError(
+        f"kernel {name!r} has no weights: call load(weights) before run(observation)"
+    )

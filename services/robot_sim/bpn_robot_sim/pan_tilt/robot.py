@@ -45,6 +45,10 @@ class PanTiltRobot:
         """The goals of the agent's servos, (pan, tilt)."""
         return self._commanded_deg
 
+    @property
+    def truncated(self) -> bool:
+        return False
+
     def reset(self, seed: int) -> Frame:
         """The agent at rest in the middle, the marker where the seed puts it; see `Robot.reset`."""
         random = np.random.default_rng(seed)

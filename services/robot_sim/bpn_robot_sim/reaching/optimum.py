@@ -6,6 +6,7 @@ prints what it finds.
 """
 
 import argparse
+from collections.abc import Callable
 from math import dist
 
 import numpy as np
@@ -25,6 +26,15 @@ def optimal_return(steps: int = _STEPS) -> float:
         ValueError: steps is negative.
     """
     return float(_values(steps)[steps][_start()])
+
+
+def random_return(steps: int = _STEPS) -> float:
+    """The expected return of uniformly random actions, exact as the optimum is.
+
+    Raises:
+        ValueError: steps is negative.
+    """
+    return float(_values(steps, over_actions=np.mean)[steps][_start()])
 
 
 def optimal_actions(steps: int = _STEPS) -> list[int]:
@@ -65,7 +75,9 @@ def _rewards() -> npt.NDArray[np.float64]:
     )
 
 
-def _values(steps: int) -> npt.NDArray[np.float64]:
+def _values(
+    steps: int, over_actions: Callable[..., npt.NDArray[np.float64]] = np.max
+) -> npt.NDArray[np.float64]:
     """V_k of every pose with k steps to go, [steps + 1, 24, 24]."""
     if steps < 0:
         raise ValueError(f"steps = {steps} must not be negative")
@@ -74,7 +86,8 @@ def _values(steps: int) -> npt.NDArray[np.float64]:
     for k in range(1, steps + 1):
         gain = rewards + values[k - 1]
         turns = [_cell(action) for action in geometry.ACTIONS_DEG]
-        values[k] = np.max([np.roll(gain, (-t1, -t2), axis=(0, 1)) for t1, t2 in turns], axis=0)
+        gains = [np.roll(gain, (-t1, -t2), axis=(0, 1)) for t1, t2 in turns]
+        values[k] = over_actions(gains, axis=0)
     return values
 
 
@@ -85,6 +98,7 @@ def main() -> None:
     steps = parser.parse_args().steps
     print(f"optimal return over {steps} steps: {optimal_return(steps):.2f} px")
     print(f"actions: {optimal_actions(steps)}")
+    print(f"expected return of random actions: {random_return(steps):.2f} px")
 
 
 if __name__ == "__main__":

@@ -45,6 +45,10 @@ class ReachingRobot:
         """The servos' goals."""
         return self._commanded_deg
 
+    @property
+    def truncated(self) -> bool:
+        return False
+
     def reset(self, seed: int) -> Frame:
         """The start pose, at rest; see `Robot.reset`."""
         del seed

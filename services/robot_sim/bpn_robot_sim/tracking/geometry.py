@@ -6,6 +6,8 @@ is one centimetre and y is up. Positions in the image are OpenCV's: the centre o
 
 from math import cos, radians, sin
 
+import numpy as np
+
 from bpn_shared.bnn.spec import IMAGE_SIZE_PX
 from bpn_shared.framing import MIDDLE_PX
 from bpn_shared.tasks import TASKS
@@ -51,3 +53,17 @@ def start_limits_px(target_x_px: float) -> tuple[float, float]:
     slack_px = IMAGE_SIZE_PX / 2 - TARGET_RADIUS_PX
     lowest_px, highest_px = WINDOW_LIMITS_PX
     return max(lowest_px, target_x_px - slack_px), min(highest_px, target_x_px + slack_px)
+
+
+def clipped_to_world(window_x_px: float) -> float:
+    """The nearest centre at which the window is in the world."""
+    lowest_px, highest_px = WINDOW_LIMITS_PX
+    return min(max(window_x_px, lowest_px), highest_px)
+
+
+def start(seed: int) -> tuple[float, float]:
+    """The start that belongs to a seed: the target's phase (degrees) and the window's centre in x (px)."""
+    random = np.random.default_rng(seed)
+    phase_deg = float(random.uniform(0, 360))
+    target_x_px, _ = target_world_px(phase_deg)
+    return phase_deg, float(random.uniform(*start_limits_px(target_x_px)))

@@ -39,12 +39,13 @@ class TrackingRobot:
         """The servo's goal, the window's centre in x."""
         return self._commanded_px
 
+    @property
+    def truncated(self) -> bool:
+        return False
+
     def reset(self, seed: int) -> Frame:
         """Target and window where the seed puts them, the window at rest; see `Robot.reset`."""
-        random = np.random.default_rng(seed)
-        phase_deg = float(random.uniform(0, 360))
-        target_x_px, _ = geometry.target_world_px(phase_deg)
-        self._start(phase_deg, float(random.uniform(*geometry.start_limits_px(target_x_px))))
+        self._start(*geometry.start(seed))
         return self.frame()
 
     def command(self, action: int) -> None:
@@ -91,8 +92,7 @@ class TrackingRobot:
         self._place_target()
 
     def _goal_after(self, action: int) -> float:
-        lowest_px, highest_px = geometry.WINDOW_LIMITS_PX
-        return min(max(self._commanded_px + geometry.ACTIONS_PX[action], lowest_px), highest_px)
+        return geometry.clipped_to_world(self._commanded_px + geometry.ACTIONS_PX[action])
 
     def _set_goal(self, window_px: float) -> None:
         self._commanded_px = window_px

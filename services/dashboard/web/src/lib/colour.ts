@@ -1,12 +1,12 @@
 /** Colours of lines: the same for the same group wherever and whenever it is shown, told apart by colour-blind people. */
 
 /**
- * Okabe and Ito's hues, with a lightness per theme that keeps 3:1 against the chart's background.
- * Black, which they begin with, is left to text and axes.
+ * Okabe and Ito's hues, with a lightness per theme that keeps 3:1 against the chart's background. Their yellow
+ * is one only on dark ground, their black only on light: they share a place. The last is a grey.
  */
 export const PALETTE = {
-  light: ['#0072b2', '#c95400', '#00805e', '#b0588a', '#9a6b00', '#2484c1', '#857700', '#5b5f66'],
-  dark: ['#4aa8e0', '#f0803c', '#22b88e', '#dd96bd', '#e8ab2e', '#8accf5', '#e6da4a', '#a8adb5'],
+  light: ['#0072b2', '#cc5200', '#00805e', '#b0588a', '#b07a00', '#3b93cc', '#1a1c1f', '#868b92'],
+  dark: ['#4aa8e0', '#f0803c', '#22b88e', '#dd96bd', '#e8ab2e', '#8accf5', '#f0e442', '#a8adb5'],
 } as const;
 
 export const DASHES: readonly (readonly number[])[] = [[], [8, 4], [2, 3], [10, 3, 2, 3]];

@@ -66,6 +66,19 @@ export function percent(value: MaybeNumber, digits = 3): string {
   return isMissing(value) ? MISSING : withUnit(number(value * 100, digits), '%');
 }
 
+/** How often something happens. Below one a second the prefix "milli" would read as metres. */
+export function rate(perSecond: MaybeNumber): string {
+  if (isMissing(perSecond)) return MISSING;
+  return perSecond < 1 ? withUnit(number(perSecond, 2), '/s') : si(perSecond, '/s');
+}
+
+/** A probability as percent with one decimal, so that columns line up. */
+export function probability(value: MaybeNumber): string {
+  if (isMissing(value)) return MISSING;
+  const tiny = value > 0 && value < 0.0005;
+  return withUnit(tiny ? '<0.1' : (value * 100).toFixed(1), '%');
+}
+
 /** A number in a metric's own unit; shares become percent, bytes and seconds get readable sizes. */
 export function quantity(value: MaybeNumber, unit: string, digits = 4): string {
   if (isMissing(value)) return MISSING;
@@ -122,6 +135,12 @@ export function dateTime(unixS: MaybeNumber): string {
     dateStyle: 'medium',
     timeStyle: 'medium',
   });
+}
+
+/** The time of day with milliseconds, in the reader's time zone. */
+export function clockTime(unixS: number): string {
+  const moment = new Date(unixS * 1000);
+  return `${moment.toTimeString().slice(0, 8)}.${String(moment.getMilliseconds()).padStart(3, '0')}`;
 }
 
 /** The end of a run's id: UUIDv7 begin alike when they were made together. */

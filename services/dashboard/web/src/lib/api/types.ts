@@ -54,6 +54,8 @@ export interface JsonSchemaProperty {
   exclusiveMaximum?: number;
 }
 
+export type TaskInfo = Schemas['TaskChoice'];
+
 export type ConfigSchema = Pick<Schemas['ConfigSchema'], 'tasks'> & {
   schema: { properties: Record<string, JsonSchemaProperty> };
   presets: Record<string, Config>;

@@ -18,8 +18,12 @@ class Hub {
       socket.on('message', (data: Buffer) => {
         const message = JSON.parse(data.toString()) as ClientMessage;
         this.received.push(message);
-        if (message.op === 'hello') this.send({ op: 'welcome', proto: 1, server: this.name });
-        if (message.op === 'ping') this.send({ op: 'pong', t: message.t });
+        if (message.op === 'hello') {
+          this.send({ op: 'welcome', proto: 1, server: this.name, now_unix_s: 5 });
+        }
+        if (message.op === 'ping') {
+          this.send({ op: 'pong', t: message.t, now_unix_s: 5 });
+        }
       });
     });
   }
@@ -68,9 +72,16 @@ async function hub(name?: string, port?: number): Promise<Hub> {
   return made;
 }
 
+/** A browser says nothing of a failed connection but its end. */
+function browserLike(url: string): WebSocket {
+  const socket = new NodeWebSocket(url);
+  socket.on('error', () => undefined);
+  return socket as unknown as WebSocket;
+}
+
 function client(port: number, options: LiveClientOptions = {}): LiveClient {
   const made = new LiveClient(`ws://127.0.0.1:${port}/`, {
-    open: (url) => new NodeWebSocket(url) as unknown as WebSocket,
+    open: browserLike,
     backoffS: () => 0.01,
     ...options,
   });

@@ -30,7 +30,7 @@ export interface ConnectionStatus {
 export interface TopicHandlers {
   /** At most so many messages a second; the hub leaves out older ones. */
   rateHz?: number;
-  /** Sequence number after which to begin; null: now. */
+  /** Sequence number after which to begin; 0: with all that the hub still holds; null: with what comes. */
   since?: number | null;
   onData?(data: unknown, seq: number, serverUnixS: number): void;
   /** `done` tells the hub that the frame was drawn or dropped: it sends at most two ahead. */
@@ -198,6 +198,7 @@ export class LiveClient {
   private onMessage(message: ServerMessage): void {
     switch (message.op) {
       case 'welcome':
+        this.clock.observe(message.now_unix_s);
         this.welcome(message.server);
         break;
       case 'data': {
@@ -215,6 +216,7 @@ export class LiveClient {
         if (message.id !== null) this.topics.get(message.id)?.onError?.(message.title);
         break;
       case 'pong':
+        this.clock.observe(message.now_unix_s);
         this.report({ roundTripMs: performance.now() - message.t });
         break;
     }

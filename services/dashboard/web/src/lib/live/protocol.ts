@@ -14,11 +14,11 @@ export type ClientMessage =
   | { op: 'ping'; t: number };
 
 export type ServerMessage =
-  | { op: 'welcome'; proto: number; server: string }
+  | { op: 'welcome'; proto: number; server: string; now_unix_s: number }
   | { op: 'data'; id: number; seq: number; t_unix_s: number; data: unknown }
-  | { op: 'gap'; id: number; missed: number }
+  | { op: 'gap'; id: number; missed: number | null }
   | { op: 'error'; id: number | null; title: string }
-  | { op: 'pong'; t: number };
+  | { op: 'pong'; t: number; now_unix_s: number };
 
 /** One observation as the network sees it. */
 export interface Frame {
@@ -58,7 +58,12 @@ export function parseServerMessage(text: string): ServerMessage {
   const string = (name: string): string => required(fields, name, 'string') as string;
   switch (fields.op) {
     case 'welcome':
-      return { op: 'welcome', proto: number('proto'), server: string('server') };
+      return {
+        op: 'welcome',
+        proto: number('proto'),
+        server: string('server'),
+        now_unix_s: number('now_unix_s'),
+      };
     case 'data':
       return {
         op: 'data',
@@ -68,7 +73,11 @@ export function parseServerMessage(text: string): ServerMessage {
         data: fields.data,
       };
     case 'gap':
-      return { op: 'gap', id: number('id'), missed: number('missed') };
+      return {
+        op: 'gap',
+        id: number('id'),
+        missed: fields.missed === null ? null : number('missed'),
+      };
     case 'error':
       return {
         op: 'error',
@@ -76,7 +85,7 @@ export function parseServerMessage(text: string): ServerMessage {
         title: string('title'),
       };
     case 'pong':
-      return { op: 'pong', t: number('t') };
+      return { op: 'pong', t: number('t'), now_unix_s: number('now_unix_s') };
     default:
       throw new ProtocolError(`unknown op ${JSON.stringify(fields.op)}`);
   }

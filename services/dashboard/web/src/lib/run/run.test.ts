@@ -10,7 +10,7 @@ import {
   toggle,
 } from './playback';
 import { softmax } from './policy';
-import { append, matches, type LogLine } from './tail';
+import { linesOf, matches, merge } from './tail';
 
 test('the policy is the softmax of beta P, whatever is added to P', () => {
   expect(softmax([Math.log(1), Math.log(3)], 1)).toEqual(
@@ -57,26 +57,34 @@ test('speeds end at both ends', () => {
   expect(playback.speed).toBe(SPEEDS[0]);
 });
 
-const line = (id: number, level = 'INFO', message = 'text'): LogLine => ({
+const record = (second: number | null, id: string, level = 'INFO', message = 'text') => ({
   id,
-  timeUnixS: null,
+  time_unix_s: second,
   level,
   service: 'edge-0',
   message,
 });
 
-test('the tail keeps the newest lines, each once', () => {
-  const first = append([], [line(1), line(2), line(3)], 4);
-  const second = append(first, [line(2), line(3), line(4), line(5)], 4);
-  expect(second.map((each) => each.id)).toEqual([2, 3, 4, 5]);
+test('the tail has every line once, by time, and drops the oldest', () => {
+  const live = linesOf([record(4, 'd'), record(5, 'e')]);
+  const stored = linesOf([record(1, 'a'), record(2, 'b'), record(3, 'c'), record(4, 'd')]);
+  const ids = (longest?: number) => merge(live, stored, longest).map((line) => line.id);
+  expect(ids()).toEqual(['a', 'b', 'c', 'd', 'e']);
+  expect(ids(3)).toEqual(['c', 'd', 'e']);
+});
+
+test('a line without a time stays behind the one before it', () => {
+  const lines = linesOf([record(2, 'b'), record(null, 'of b'), record(3, 'c')]);
+  const all = merge(linesOf([record(1, 'a'), record(2.5, 'later')]), lines);
+  expect(all.map((line) => line.id)).toEqual(['a', 'b', 'of b', 'later', 'c']);
 });
 
 test('a line passes by service, severity and text', () => {
-  const warning = line(1, 'WARNING', 'Frame refused');
+  const [warning] = linesOf([record(1, 'a', 'WARNING', 'Frame refused')]);
   const everything = { service: '', level: '', search: '' };
-  expect(matches(warning, everything)).toBe(true);
-  expect(matches(warning, { ...everything, level: 'ERROR' })).toBe(false);
-  expect(matches(warning, { ...everything, level: 'INFO' })).toBe(true);
-  expect(matches(warning, { ...everything, search: 'frame r' })).toBe(true);
-  expect(matches(warning, { ...everything, service: 'learner-0' })).toBe(false);
+  expect(matches(warning!, everything)).toBe(true);
+  expect(matches(warning!, { ...everything, level: 'ERROR' })).toBe(false);
+  expect(matches(warning!, { ...everything, level: 'INFO' })).toBe(true);
+  expect(matches(warning!, { ...everything, search: 'frame r' })).toBe(true);
+  expect(matches(warning!, { ...everything, service: 'learner-0' })).toBe(false);
 });

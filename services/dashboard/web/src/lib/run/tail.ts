@@ -1,10 +1,15 @@
 /** The newest lines of a log, bounded; what arrives while the reader looks at older ones is counted. */
 
+import type { LogRecord } from '../api/records';
+
 export const LONGEST_TAIL = 10_000;
 
 export interface LogLine {
-  id: number;
+  /** `<log>:<byte offset>`: unique in the run. */
+  id: string;
   timeUnixS: number | null;
+  /** By which lines are ordered. */
+  orderUnixS: number;
   level: string;
   service: string;
   message: string;
@@ -30,13 +35,22 @@ function severity(level: string): number {
   return LEVELS.indexOf(level as (typeof LEVELS)[number]);
 }
 
-/** Adds lines that are new by id, in their order, and drops the oldest beyond the bound. */
-export function append(
+/** Lines as the server sends them, oldest first; one without a time of its own stands with the one before it. */
+export function linesOf(records: readonly LogRecord[]): LogLine[] {
+  let orderUnixS = 0;
+  return records.map(({ id, time_unix_s, level, service, message }) => {
+    orderUnixS = time_unix_s ?? orderUnixS;
+    return { id, timeUnixS: time_unix_s, orderUnixS, level, service, message };
+  });
+}
+
+/** All lines, each once, by time; beyond the bound the oldest are dropped. */
+export function merge(
   lines: readonly LogLine[],
   more: readonly LogLine[],
   longest: number = LONGEST_TAIL,
 ): LogLine[] {
-  const newest = lines.at(-1)?.id ?? -Infinity;
-  const added = more.filter((line) => line.id > newest);
-  return [...lines, ...added].slice(-longest);
+  const known = new Set(lines.map((line) => line.id));
+  const all = [...lines, ...more.filter((line) => !known.has(line.id))];
+  return all.sort((one, other) => one.orderUnixS - other.orderUnixS).slice(-longest);
 }

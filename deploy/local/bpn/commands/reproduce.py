@@ -1,0 +1,78 @@
+"""`bpn reproduce`: a figure or table of the paper, from its runs to its plot, by one command.
+
+Interrupt it whenever you like: the same command goes on where it stopped, and makes no finished run again.
+"""
+
+import argparse
+import shlex
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+
+from bpn import optional
+from bpn_shared.algorithms import ALGORITHMS
+from bpn_shared.config import ConfigError
+from bpn_shared.service import stop_on_signals
+
+_RESULTS = Path("docs/results")
+NAMES = ("reaching", "tracking", "heatmap", "pan-tilt", "inference", "latency", "cartpole")
+
+
+def add(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+    parser = subparsers.add_parser(
+        "reproduce", help="make a figure or table of the paper", description=__doc__
+    )
+    parser.add_argument("target", metavar="TARGET", choices=NAMES, help=", ".join(NAMES))
+    parser.add_argument("--seeds", type=int, help="runs of each configuration (default 5; quick 2)")
+    parser.add_argument("--jobs", type=int, default=1, help="runs side by side (default 1)")
+    parser.add_argument(
+        "--algorithms",
+        metavar="A,B",
+        help=f"some of the target's algorithms, of {','.join(ALGORITHMS)} (default all)",
+    )
+    parser.add_argument(
+        "--quick", action="store_true", help="a tiny version, to see that everything works"
+    )
+    parser.add_argument(
+        "--out", type=Path, help="for the results (default docs/results; quick: RUNS_DIR/quick)"
+    )
+    parser.add_argument(
+        "--runs-dir",
+        type=Path,
+        default=Path("runs/reproduce"),
+        help="for runs and trials (default %(default)s)",
+    )
+    parser.set_defaults(run=run)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Makes the target; exit status 130 if interrupted."""
+    for name in ("seeds", "jobs"):
+        value = getattr(options, name)
+        if value is not None and value < 1:
+            raise ConfigError(f"--{name} = {value} must be at least 1")
+    making: Any = optional.load("bpn.reproduce.making", extra="media", wanted_by="`bpn reproduce`")
+    return int(
+        making.make(
+            options.target,
+            seeds=options.seeds,
+            algorithms=None if options.algorithms is None else options.algorithms.split(","),
+            quick=options.quick,
+            jobs=options.jobs,
+            out_dir=options.out or (options.runs_dir / "quick" if options.quick else _RESULTS),
+            runs_dir=options.runs_dir,
+            command=_command(options),
+            stop=stop_on_signals(),
+            out=Console(),
+        )
+    )
+
+
+def _command(options: argparse.Namespace) -> str:
+    """What to type to get the same."""
+    words = ["bpn", "reproduce", options.target]
+    for name in ("seeds", "jobs", "algorithms"):
+        value = getattr(options, name)
+        words += [] if value is None else [f"--{name}", str(value)]
+    return shlex.join([*words, *(["--quick"] if options.quick else [])])

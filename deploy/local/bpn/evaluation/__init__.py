@@ -1,0 +1,1 @@
+"""Playing a trained policy: real processes over the bus, and what their episodes show."""

@@ -1,0 +1,81 @@
+"""What the trials of an evaluation came to."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from bpn_learner.reward import episode_rewards
+from bpn_robot_sim.reaching.geometry import TARGET_RADIUS_PX
+from bpn_shared.config import RunConfig
+from bpn_shared.messages.episode import Episode
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """One trial.
+
+    Attributes:
+        total: the return, sum of rewards: in pixels, or as the environment of a gym: task counts.
+        steps: until its end.
+        success: reaching: the hand ends on the target; other tasks: the episode lasted for all T steps.
+        deadline_misses: control periods without an action in time (realtime pacing).
+    """
+
+    total: float
+    steps: int
+    success: bool
+    deadline_misses: int
+
+
+def outcome(config: RunConfig, episode: Episode) -> Outcome:
+    """The outcome of one trial."""
+    rewards = episode_rewards(config.task_spec, episode)
+    success = not episode.meta.failed
+    if config.task == "reaching":
+        success = bool(rewards[-1] >= -TARGET_RADIUS_PX)
+    return Outcome(float(rewards.sum()), episode.steps, success, int(episode.meta.deadline_misses))
+
+
+def summarize(config: RunConfig, outcomes: Sequence[Outcome]) -> dict[str, Any]:
+    """Mean and standard deviation over trials, and every trial.
+
+    Returns:
+        trials, return_px, px_per_step and length ({mean, std}), tracking_time (mean steps and seconds, and their
+        percentage of T, as the paper's Table II), success_share, deadline_misses,
+        returns_px, lengths, successes. Of a gym: task, whose rewards have units of their own and whose steps
+        have no duration: return, return_per_step and returns, and no tracking_time.
+
+    Raises:
+        ValueError: there are no outcomes.
+    """
+    if not outcomes:
+        raise ValueError("no outcomes: nothing was played")
+    steps = np.array([one.steps for one in outcomes])
+    returns = np.array([one.total for one in outcomes])
+    in_pixels = config.task_spec.rewards == "pixels"
+    unit = "_px" if in_pixels else ""
+    mean_steps = float(steps.mean())
+    tracking_time = {
+        "steps": round(mean_steps, 2),
+        "seconds": round(mean_steps * config.task_spec.control_period_s, 3),
+        "percent": round(100 * mean_steps / config.steps, 1),
+    }
+    return {
+        "trials": len(outcomes),
+        f"return{unit}": _mean_std(returns),
+        "px_per_step" if in_pixels else "return_per_step": _mean_std(returns / steps),
+        "length": _mean_std(steps),
+        **({"tracking_time": tracking_time} if in_pixels else {}),
+        "success_share": round(float(np.mean([one.success for one in outcomes])), 4),
+        "deadline_misses": sum(one.deadline_misses for one in outcomes),
+        f"returns{unit}": [round(float(value), 3) for value in returns],
+        "lengths": steps.tolist(),
+        "successes": [one.success for one in outcomes],
+    }
+
+
+def _mean_std(values: npt.NDArray[Any]) -> dict[str, float]:
+    return {"mean": round(float(values.mean()), 3), "std": round(float(values.std()), 3)}

@@ -1,0 +1,199 @@
+"""Target `latency`: from image to action on each computer, and what latency costs a policy."""
+
+from math import prod
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from bpn.evaluation.outcome import outcome, summarize
+from bpn.evaluation.trials import Trials
+from bpn.plotting import colour, entitle, new_figure
+from bpn.reproduce import computers
+from bpn.reproduce.definition import Context, Document, Scope, Target
+from bpn.reproduce.far import CONFIG
+from bpn.reproduce.markdown import table as markdown_table
+from bpn.reproduce.statistics import group
+from bpn.summary import percentiles
+from bpn_shared.config import RunConfig
+from bpn_shared.run_folder import RunFolder
+
+DELAYS_MS = (0, 4, 21, 38, 100, 1003)
+"""Those of the paper's Tables III and IV: edge FPGA, edge CPU, server, and a float network on the FPGA."""
+PAPER_MS = {
+    computers.EDGE: ("", "4", "", "4"),
+    computers.EDGE_CPU: ("", "21", "", "21"),
+    computers.SERVER: ("34", "2", "2", "38"),
+}
+"""Table IV: send, compute, receive, total."""
+LINKS_MBIT_PER_S = (10, 100, 1000)
+
+_IMAGES, _QUICK_IMAGES = 100, 5
+_TRIALS, _ROBOTS = 12, 4
+_QUICK_DELAYS_MS, _QUICK_TRIALS = (0, 1003), 2
+_START_SEED = 4
+"""Of the trials' starts, which are the same for every delay and run."""
+
+
+def plan(scope: Scope) -> list[RunConfig]:
+    """BPN on tracking, as the target `tracking` has it."""
+    return [
+        scope.config("tracking", algorithm=algorithm, seed=seed)
+        for seed in range(scope.seeds)
+        for algorithm in scope.algorithms
+    ]
+
+
+def measure(context: Context) -> dict[str, Any]:
+    """Both halves.
+
+    Returns:
+        computers: see `computers.measure`; image_bytes: what the server gets; camera_to_action_us: {p50, p99}
+        in the running system without added delay; trials: for each run and delay algorithm, seed,
+        delay_ms and the evaluation's summary.
+    """
+    quick = context.scope.quick
+    context.say("times every computer, one image in a control period")
+    found = computers.measure(_QUICK_IMAGES if quick else _IMAGES, context.stop)
+    played, loop_us = [], []
+    for folder in context.runs:
+        for delay_ms in _QUICK_DELAYS_MS if quick else DELAYS_MS:
+            context.say(f"plays with {delay_ms} ms added (seed {folder.config().seed})")
+            summary, times_us = _play(context, folder, delay_ms)
+            played.append(summary)
+            loop_us += times_us if delay_ms == 0 else []
+    return {
+        "computers": found,
+        "image_bytes": prod(CONFIG.task_spec.frame_shape),
+        "camera_to_action_us": percentiles(np.array(loop_us)),
+        "trials": played,
+    }
+
+
+def _play(
+    context: Context, folder: RunFolder, delay_ms: float
+) -> tuple[dict[str, Any], list[float]]:
+    count = _QUICK_TRIALS if context.scope.quick else _TRIALS
+    changes = {"pacing": "realtime", "action_delay_ms": delay_ms, "robots": min(_ROBOTS, count)}
+    trials = Trials(count, "greedy", _START_SEED, changes)
+    config, episodes = trials.config(folder.config()), context.play(folder, trials)
+    summary = summarize(config, [outcome(config, episode) for episode in episodes])
+    times_ns = np.concatenate([episode.camera_to_action_ns for episode in episodes])
+    name = {"algorithm": config.algorithm, "seed": folder.config().seed, "delay_ms": delay_ms}
+    return {**name, **summary}, (times_ns[times_ns > 0] / 1e3).tolist()
+
+
+def draw(document: Document) -> Figure:
+    """The computers' times beside the paper's, and the share of kept targets over the added delay."""
+    figure, ((left, right),) = new_figure(1, 2, 13.0, 4.2)
+    _computers(left, document)
+    _delays(right, document)
+    entitle(
+        figure, document["title"], of="left: medians; right: mean ± standard deviation over seeds"
+    )
+    return figure
+
+
+def _computers(axes: Axes, document: Document) -> None:
+    times = {
+        name: parts["total_us"]["p50"] / 1e3
+        for name, parts in document["result"]["computers"].items()
+    }
+    for row, (name, time_ms) in enumerate(reversed(times.items())):
+        axes.barh(row, time_ms, color=colour(0), height=0.5)
+        axes.text(time_ms * 1.15, row, f"{time_ms:.3g} ms", va="center", fontsize=8)
+        if name in PAPER_MS:
+            paper_ms = float(PAPER_MS[name][-1])
+            axes.plot(paper_ms, row, "D", color=colour(1), label="paper" if row == 0 else None)
+    axes.set_yticks(range(len(times)), list(reversed(times)))
+    axes.set(xscale="log", xlabel="ms from image to action", title="one machine, no network")
+    axes.legend(fontsize=8)
+
+
+def _delays(axes: Axes, document: Document) -> None:
+    by_delay = group(document["result"]["trials"], "delay_ms")
+    delays_ms = [f"{delay_ms:g}" for (delay_ms,) in by_delay]
+    shares = [[trials["success_share"] for trials in seeds] for seeds in by_delay.values()]
+    means, stds = np.mean(shares, axis=1), np.std(shares, axis=1)
+    count = f"{len(shares[0])} seeds x {next(iter(by_delay.values()))[0]['trials']} trials"
+    axes.errorbar(delays_ms, means, stds, fmt="o-", color=colour(0), capsize=4, label=count)
+    for x, of_seeds in enumerate(shares):
+        axes.plot([x] * len(of_seeds), of_seeds, ".", color=colour(1), alpha=0.6)
+    axes.set(
+        xlabel="delay added between frame and action (ms)",
+        ylabel="share of trials that keep the target",
+        ylim=(-0.05, 1.05),
+        title="tracking in realtime pacing, 145 ms period",
+    )
+    axes.legend(fontsize=8)
+
+
+def table(document: Document) -> str:
+    """Two tables: the computers, and the delays."""
+    return f"{_computer_table(document)}\n\n{_delay_table(document)}"
+
+
+def _computer_table(document: Document) -> str:
+    result = document["result"]
+    rows = []
+    for name, parts in result["computers"].items():
+        ours = [parts[part]["p50"] for part in ("send_us", "compute_us", "receive_us", "total_us")]
+        cells = [
+            ""
+            if time_us == 0
+            else f"{time_us / 1e3:.3f} ({paper})"
+            if paper
+            else f"{time_us / 1e3:.3f}"
+            for time_us, paper in zip(ours, PAPER_MS.get(name, [""] * 4), strict=True)
+        ]
+        rows.append([name, *cells, f"{parts['total_us']['p99'] / 1e3:.3f}"])
+    for rate in LINKS_MBIT_PER_S:
+        wire_ms = result["image_bytes"] * 8 / (rate * 1e3)
+        total_ms = wire_ms + result["computers"][computers.SERVER]["total_us"]["p50"] / 1e3
+        rows.append(
+            [
+                f"server behind {rate} Mbit/s (computed)",
+                f"+ {wire_ms:.2f}",
+                "",
+                "",
+                f"{total_ms:.2f}",
+                "",
+            ]
+        )
+    loop = result["camera_to_action_us"]
+    if loop["p50"] is not None:
+        times = (f"{loop[key] / 1e3:.3f}" for key in ("p50", "p99"))
+        rows.append(["edge in the running system, over the bus", "", "", "", *times])
+    heading = ["ms, p50 (paper)", "send image", "compute", "send action", "total", "total p99"]
+    return markdown_table(heading, rows)
+
+
+def _delay_table(document: Document) -> str:
+    rows = []
+    for (delay_ms,), seeds in group(document["result"]["trials"], "delay_ms").items():
+        shares = np.array([trials["success_share"] for trials in seeds])
+        rows.append(
+            [
+                f"{delay_ms:g}", len(seeds), sum(trials["trials"] for trials in seeds),
+                f"{100 * shares.mean():.0f} ± {100 * shares.std():.0f} %",
+                f"{np.mean([t['length']['mean'] for t in seeds]):.1f}",
+                f"{np.mean([t['px_per_step']['mean'] for t in seeds]):.1f}",
+                f"{np.mean([t['return_px']['mean'] for t in seeds]):.1f}",
+            ]
+        )  # fmt: skip
+    heading = [
+        "added delay (ms)", "seeds", "trials", "keep the target", "steps", "px a step", "return (px)",
+    ]  # fmt: skip
+    return markdown_table(heading, rows)
+
+
+LATENCY = Target(
+    name="latency",
+    title="Latency from image to action, and its cost (the paper's Table IV)",
+    algorithms=("bpn",),
+    plan=plan,
+    measure=measure,
+    draw=draw,
+    table=table,
+)

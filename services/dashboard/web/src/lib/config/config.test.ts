@@ -1,0 +1,113 @@
+import fc from 'fast-check';
+import { expect, test } from 'vitest';
+import type { ConfigSchema } from '../api/types';
+import { draftOf, fieldsOf, read } from './draft';
+import { fieldOf, parseValue, presetOf, sectionsOf } from './form';
+import { parseValues, runsOf } from './sweep';
+
+const TASK = { action_names: [], frames_stacked: 1, control_period_s: 0.145 };
+const SCHEMA: ConfigSchema = {
+  schema: {
+    properties: {
+      task: { type: 'string', default: 'reaching' },
+      algorithm: { enum: ['bpn', 'bqn'], default: 'bpn' },
+      seed: { type: 'integer', minimum: 0, exclusiveMaximum: 2 ** 63, default: 0 },
+      nodes: { type: 'integer', minimum: 1, maximum: 1024, default: 100, description: 'N' },
+      alpha: { type: 'number', minimum: 0, maximum: 1, default: 0.95 },
+      beta: { type: 'number', exclusiveMinimum: 0, maximum: 10_000, default: 1 },
+      mask_terminals: { type: 'boolean', default: false },
+      invented_later: { type: 'integer', default: 1 },
+    },
+  },
+  presets: { reaching: { nodes: 256 }, pan_tilt: { beta: 3 } },
+  tasks: [
+    { name: 'reaching', title: 'Reaching', ...TASK },
+    { name: 'pan_tilt', title: 'Pan tilt', ...TASK },
+  ],
+  defaults: {},
+};
+const field = (key: string) => fieldOf(SCHEMA.schema.properties, key);
+
+test('every key of the schema has its field, also one that nobody placed', () => {
+  const keys = sectionsOf(SCHEMA).flatMap((section) => section.fields.map((one) => one.key));
+  expect([...keys].sort()).toEqual(
+    Object.keys(SCHEMA.schema.properties)
+      .filter((key) => key !== 'task' && key !== 'algorithm')
+      .sort(),
+  );
+});
+
+test.each([
+  ['nodes', '1,024', 'must be a number'],
+  ['nodes', '3.5', 'must be a whole number'],
+  ['nodes', '1025', 'must be from 1 to 1,024'],
+  ['alpha', '', 'must be a number'],
+  ['alpha', '1.01', 'must be from 0 to 1'],
+  ['beta', '0', 'must be above 0, at most 10,000'],
+  ['seed', '-1', 'must be at least 0'],
+  ['mask_terminals', 'yes', 'must be true or false'],
+  ['algorithm', 'dqn', 'must be one of bpn, bqn'],
+])('%s = %s %s', (key, text, wrong) => expect(parseValue(field(key), text)).toEqual({ wrong }));
+
+test('what a number prints as is read back', () => {
+  fc.assert(
+    fc.property(fc.double({ min: 0, max: 1, noNaN: true }), (value) => {
+      expect(parseValue(field('alpha'), String(value))).toEqual({ value: value === 0 ? 0 : value });
+    }),
+  );
+});
+
+test('a task has its preset over the defaults', () => {
+  expect(presetOf(SCHEMA, 'reaching')).toMatchObject({ nodes: 256, beta: 1, task: 'reaching' });
+  expect(presetOf(SCHEMA, 'pan_tilt')).toMatchObject({ nodes: 100, beta: 3 });
+});
+
+test('only what differs from the preset is asked for', () => {
+  const draft = draftOf(SCHEMA, { task: 'reaching', nodes: 256, alpha: 0.8, algorithm: 'bqn' });
+  expect(read(SCHEMA, draft)).toMatchObject({
+    config: { task: 'reaching', alpha: 0.8, algorithm: 'bqn' },
+    runs: 1,
+    wrong: {},
+  });
+  draft.task = 'pan_tilt';
+  draft.texts = { beta: '3', nodes: 'many' };
+  expect(read(SCHEMA, draft)).toMatchObject({
+    config: { task: 'pan_tilt', algorithm: 'bqn' },
+    wrong: { nodes: 'must be a number' },
+  });
+});
+
+test('a sweep is its grid times its seeds, and says where it is wrong', () => {
+  const draft = draftOf(SCHEMA, { task: 'reaching', alpha: 0.5 });
+  draft.sweep = true;
+  draft.axes = [
+    { key: 'alpha', text: '0.5, 0.9 0.95' },
+    { key: 'algorithm', text: 'bpn bqn' },
+  ];
+  draft.seeds = '0-3, 10';
+  expect(read(SCHEMA, draft)).toEqual({
+    config: { task: 'reaching' },
+    grid: { alpha: [0.5, 0.9, 0.95], algorithm: ['bpn', 'bqn'] },
+    seeds: [0, 1, 2, 3, 10],
+    runs: 30,
+    wrong: {},
+  });
+  draft.axes = [{ key: 'nodes', text: '100 100' }];
+  draft.seeds = '5-2';
+  expect(read(SCHEMA, draft).wrong).toEqual({
+    'grid.nodes': '100 stands twice',
+    seeds: '5-2: must rise, and by less than 1000',
+  });
+  draft.axes = [{ key: 'nodes', text: '1-900' }];
+  draft.seeds = '0-1';
+  expect(read(SCHEMA, draft).wrong.seeds).toContain('1800 runs');
+});
+
+test('lists of values', () => {
+  expect(parseValues(field('nodes'), '50..52')).toEqual({ values: [50, 51, 52] });
+  expect(parseValues(field('alpha'), ' ,0.5,')).toEqual({ values: [0.5] });
+  expect(parseValues(field('alpha'), '')).toEqual({ wrong: 'needs at least one value' });
+  expect(parseValues(field('alpha'), '0-1')).toEqual({ wrong: '0-1 must be a number' });
+  expect(runsOf([3, 4], 0)).toBe(12);
+  expect(fieldsOf(SCHEMA).map((one) => one.key)).not.toContain('task');
+});

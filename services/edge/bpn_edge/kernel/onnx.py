@@ -1,0 +1,66 @@
+"""Float policies in ONNX Runtime, on one thread."""
+
+import numpy as np
+import numpy.typing as npt
+import onnxruntime
+
+from bpn_edge.kernel.protocol import not_loaded
+from bpn_shared.bnn.blob import BlobError
+from bpn_shared.bnn.golden import Observation, check_observation
+from bpn_shared.float_weights import FloatWeights
+from bpn_shared.weights import Weights
+
+_INPUT = "pixels"
+_FATAL_ONLY = 4
+
+
+class OnnxKernel:
+    """A `Kernel` whose outputs are P itself."""
+
+    name = "onnx"
+
+    def __init__(self) -> None:
+        self._loaded: tuple[onnxruntime.InferenceSession, FloatWeights] | None = None
+
+    def load(self, weights: Weights) -> None:
+        """See `Kernel.load`."""
+        if not isinstance(weights, FloatWeights):
+            raise BlobError(f"the {self.name} kernel runs float policies, this one is binarized")
+        options = onnxruntime.SessionOptions()
+        options.intra_op_num_threads = options.inter_op_num_threads = 1
+        options.log_severity_level = (
+            _FATAL_ONLY  # errors are raised, and said once by whoever catches them
+        )
+        try:
+            session = onnxruntime.InferenceSession(
+                weights.model, options, providers=["CPUExecutionProvider"]
+            )
+        except Exception as error:  # its exceptions have no common class of their own
+            raise BlobError(f"the model cannot be loaded: {error}") from error
+        inputs = [(i.name, i.type, i.shape) for i in session.get_inputs()]
+        outputs = [(o.type, o.shape) for o in session.get_outputs()]
+        if (inputs, outputs) != (
+            [(_INPUT, "tensor(float)", [1, *weights.spec.observation_shape])],
+            [("tensor(float)", [1, weights.spec.actions])],
+        ):
+            raise BlobError(f"the model is {inputs} to {outputs}, not of geometry {weights.spec}")
+        try:  # some damage shows only here
+            session.run(None, {_INPUT: _pixels(weights.spec.probe())})
+        except Exception as error:
+            raise BlobError(f"the model cannot be run: {error}") from error
+        self._loaded = session, weights
+
+    def run(self, observation: Observation) -> npt.NDArray[np.float32]:
+        """See `Kernel.run`; P, float32[|A|]."""
+        if self._loaded is None:
+            raise not_loaded(self.name)
+        session, weights = self._loaded
+        check_observation(weights.spec, observation)
+        preferences: npt.NDArray[np.float32] = session.run(None, {_INPUT: _pixels(observation)})[0][
+            0
+        ]
+        return preferences
+
+
+def _pixels(observation: Observation) -> npt.NDArray[np.float32]:
+    return observation.astype(np.float32)[np.newaxis]

@@ -1,0 +1,120 @@
+"""How people get in, and that every page is for everybody."""
+
+import json
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+from axe_playwright_python.sync_playwright import Axe
+from playwright.sync_api import BrowserContext, Page, expect
+
+WCAG = {"runOnly": ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "wcag22aa", "best-practice"]}
+
+
+def test_the_printed_link_opens_a_session_once(
+    open_context: Callable[..., BrowserContext], dashboard: Any, watch: Any
+) -> None:
+    watch.allow("401|403")
+    context = open_context()
+    page = context.new_page()
+    page.goto(dashboard.link)
+    expect(page.get_by_role("heading", name="Runs", level=1)).to_be_visible()
+    assert "token" not in page.url
+    (cookie,) = context.cookies()
+    assert cookie["httpOnly"]
+    assert cookie["sameSite"] == "Strict"
+    assert page.evaluate("JSON.stringify({...localStorage, ...sessionStorage})").count("bpn_") == 0
+    page.reload()
+    expect(page.get_by_role("heading", name="Runs", level=1)).to_be_visible()
+    elsewhere = open_context().new_page()
+    elsewhere.goto(dashboard.link)
+    expect(elsewhere.get_by_role("heading", name="Runs", level=1)).to_have_count(0)
+    expect(elsewhere.get_by_role("textbox")).to_be_visible()
+
+
+def views(run: str) -> dict[str, str]:
+    tabs = ("curves", "live", "episodes", "files", "config", "logs")
+    return {
+        "runs": "?page=runs",
+        "sweeps": "?page=sweeps",
+        "compare, nothing chosen": "?page=compare",
+        "compare": f"?page=compare&runs={run}",
+        "compare, configuration": f"?page=compare&runs={run}&tab=configuration",
+        "heat map": "?page=compare&task=reaching&tab=heatmap",
+        "system": "?page=system",
+        "nowhere": "?page=nowhere",
+        **{f"run, {tab}": f"?page=run&run={run}&tab={tab}" for tab in tabs},
+    }
+
+
+@pytest.mark.parametrize("theme", ["light", "dark"])
+def test_axe_finds_nothing(
+    sign_in: Callable[..., Page], dashboard: Any, finished: str, theme: str
+) -> None:
+    page = sign_in(color_scheme=theme)
+    found = {}
+    for name, query in views(finished).items():
+        page.goto(dashboard.url + query)
+        expect(page.get_by_role("main")).to_be_visible()
+        expect(page.get_by_role("main").get_by_role("status", name="Loading")).to_have_count(0)
+        results = Axe().run(page, options=WCAG)
+        if results.violations_count:
+            found[name] = [
+                (v["id"], [node["html"][:200] for node in v["nodes"]])
+                for v in results.response["violations"]
+            ]
+    assert found == {}, json.dumps(found, indent=1)
+
+
+@pytest.mark.parametrize("theme", ["light", "dark"])
+def test_axe_finds_nothing_in_the_start_dialog(sign_in: Callable[..., Page], theme: str) -> None:
+    page = sign_in(color_scheme=theme)
+    page.get_by_role("button", name="Start run").click()
+    expect(page.get_by_role("dialog", name="Start a run")).to_be_visible()
+    results = Axe().run(page, options=WCAG)
+    assert results.violations_count == 0, results.generate_report()
+
+
+def test_no_page_is_wider_than_a_phone(
+    sign_in: Callable[..., Page], dashboard: Any, finished: str
+) -> None:
+    page = sign_in(viewport={"width": 360, "height": 740})
+    for name, query in views(finished).items():
+        page.goto(dashboard.url + query)
+        expect(page.get_by_role("main")).to_be_visible()
+        expect(page.get_by_role("main").get_by_role("status", name="Loading")).to_have_count(0)
+        width = page.evaluate("document.documentElement.scrollWidth")
+        assert width <= 360, f"{name} is {width} px wide"
+
+
+def test_everything_by_keyboard_alone(page: Page, finished: str) -> None:
+    keyboard = page.keyboard
+    keyboard.press("?")
+    expect(page.get_by_role("dialog", name="Keyboard shortcuts")).to_be_visible()
+    keyboard.press("Escape")
+    keyboard.press("/")
+    keyboard.type("finished run")
+    row = page.get_by_role("row", name="finished run")
+    expect(row).to_be_visible()
+    expect(page.get_by_role("region", name="Runs").get_by_role("rowheader")).to_have_count(1)
+    page.get_by_role("searchbox").blur()
+    keyboard.press("j")
+    keyboard.press("x")
+    expect(row.get_by_role("checkbox")).to_be_checked()
+    keyboard.press("Enter")
+    expect(page.get_by_role("heading", name="finished run", level=1)).to_be_visible()
+    assert finished in page.url
+    keyboard.press("3")
+    player = page.get_by_role("region", name="Episode 0 of iteration 3")
+    expect(player).to_be_visible()
+    keyboard.press(".")
+    keyboard.press(".")
+    expect(player.get_by_role("slider", name="Step")).to_have_value("2")
+    keyboard.press(",")
+    expect(player.get_by_role("slider", name="Step")).to_have_value("1")
+    keyboard.press("g")
+    keyboard.press("s")
+    expect(page.get_by_role("heading", name="System", level=1)).to_be_visible()
+    keyboard.press("g")
+    keyboard.press("r")
+    expect(page.get_by_role("heading", name="Runs", level=1)).to_be_visible()

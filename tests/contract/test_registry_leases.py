@@ -1,0 +1,353 @@
+"""The registry and workers over a real router: who gets what, who is told to let go, what survives whom."""
+
+import threading
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+from uuid import UUID
+
+import pytest
+
+from bpn_dashboard.database.engine import Database, sqlite_url
+from bpn_dashboard.database.tables import RunRow
+from bpn_dashboard.registry import dispatcher as dispatching
+from bpn_dashboard.registry import states
+from bpn_dashboard.registry.dispatcher import Dispatcher
+from bpn_dashboard.registry.store import RunStore
+from bpn_shared import keys
+from bpn_shared.bus.liveliness import AliveToken, Token
+from bpn_shared.bus.requests import RefusedError, Responder, request
+from bpn_shared.bus.session import Bus
+from bpn_shared.config import RunConfig
+from bpn_shared.leased import LeaseLoop
+from bpn_shared.messages.lease import LeaseReply, LeaseRequest, Release, ReleaseReply, Role
+from bpn_shared.run_folder import RunFolder
+from bpn_shared.service import Counters
+from bpn_shared.worker import Worker, WorkerProcess
+
+CONFIG = RunConfig.for_task("reaching", iterations=3)
+WaitFor = Callable[..., None]
+
+
+@pytest.fixture(autouse=True)
+def quick(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(dispatching, "SETTLE_S", 0.3)
+    monkeypatch.setattr(dispatching, "SURELY_DEAD_S", 0.2)
+    monkeypatch.setattr(states, "LOST_AFTER_S", 0.5)
+
+
+@dataclass
+class Registry:
+    """A registry that can be ended and begun again."""
+
+    store: RunStore
+    open_bus: Callable[[], Bus]
+    running: Dispatcher | None = None
+
+    def begin(self) -> None:
+        self.bus = self.open_bus()
+        self.counters = Counters()
+        self.running = Dispatcher(self.bus, self.store, self.counters)
+        self.running.start()
+
+    def end(self) -> None:
+        if self.running is not None:
+            self.running.close()
+            self.bus.close()
+            self.running = None
+
+
+@pytest.fixture
+def registry(tmp_path: Path, open_bus: Callable[[], Bus]) -> Iterator[Registry]:
+    database = Database(sqlite_url(tmp_path / "dashboard.sqlite"))
+    registry = Registry(RunStore(database, tmp_path / "runs"), open_bus)
+    registry.begin()
+    yield registry
+    registry.end()
+    database.close()
+
+
+@dataclass
+class Puppet:
+    """A worker whose every move the test makes."""
+
+    role: Role
+    id: str
+    open_bus: Callable[[], Bus]
+    released: list[Release] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self.bus = self.open_bus()
+        self.alive = AliveToken(self.bus, self.role, self.id)
+        key = keys.control(self.role, self.id)
+        self.control = Responder(self.bus, key, self._release, Counters())
+
+    def _release(self, body: bytes) -> bytes:
+        self.released.append(Release.decode(body))
+        return ReleaseReply(working=True).encode()
+
+    def ask(self) -> LeaseReply:
+        body = LeaseRequest(role=self.role, worker=self.id).encode()
+        return LeaseReply.decode(request(self.bus, keys.lease_request(), body, timeout_s=5.0))
+
+    def take(self, lease: LeaseReply) -> None:
+        assert lease.run is not None
+        self.work_bus = self.open_bus()
+        key = keys.lease(lease.run, self.role, lease.slot, self.id)
+        self.token = Token(self.work_bus, key)
+
+    def give_back(self) -> None:
+        self.work_bus.close()
+
+    def die(self) -> None:
+        self.bus.close()
+        self.work_bus.close()
+
+    def work(self, wait_for: WaitFor) -> LeaseReply:
+        """Asks until there is a lease, and takes it."""
+        answers: list[LeaseReply] = []
+
+        def granted() -> bool:
+            answers.append(self.ask())
+            return answers[-1].run is not None
+
+        wait_for(granted, f"a lease for {self.id}")
+        self.take(answers[-1])
+        return answers[-1]
+
+
+@pytest.fixture
+def hire(open_bus: Callable[[], Bus]) -> Callable[[Role], Puppet]:
+    """Makes workers."""
+    made = 0
+
+    def make(role: Role) -> Puppet:
+        nonlocal made
+        made += 1
+        return Puppet(role, f"{role.replace('_', '-')}-{made}", open_bus)
+
+    return make
+
+
+def state_of(registry: Registry, row: RunRow) -> str:
+    return registry.store.get(row.id).state
+
+
+def test_workers_get_the_oldest_run_and_lose_it_when_it_shall_stop(
+    registry: Registry, hire: Callable[[Role], Puppet], wait_for: WaitFor
+) -> None:
+    learner, edge, idle = hire("learner"), hire("edge"), hire("learner")
+    assert learner.ask().verdict == "wait"
+    first = registry.store.create(CONFIG, actor="test")
+    second = registry.store.create(CONFIG, actor="test")
+    assert learner.work(wait_for).run == first.id
+    folder = registry.store.folder(first.id)
+    folder.set_state("running", new_attempt=True)
+    assert edge.work(wait_for).run == first.id
+    wait_for(lambda: registry.store.get(first.id).attempt == 1, "the attempt to be seen")
+    assert state_of(registry, first) == "running"
+
+    registry.store.request_stop(first.id, "test")
+    assert state_of(registry, first) == "stopping"
+    wait_for(lambda: learner.released and edge.released, "both to be told")
+    assert learner.released[0].run == edge.released[0].run == first.id
+    assert learner.released[0].reason == "the run shall stop"
+    wait_for(lambda: len(learner.released) > 1, "a learner that does not let go to be told again")
+    folder.set_state("stopped")
+    learner.give_back()
+    edge.give_back()
+    wait_for(lambda: state_of(registry, first) == "stopped", "the run to be seen stopped")
+    assert idle.work(wait_for).run == second.id
+
+
+def test_a_finished_run_is_given_to_nobody_even_before_the_registry_has_seen_it(
+    registry: Registry, hire: Callable[[Role], Puppet], wait_for: WaitFor
+) -> None:
+    row = registry.store.create(CONFIG, actor="test")
+    learner, edge = hire("learner"), hire("edge")
+    learner.work(wait_for)
+    registry.store.folder(row.id).set_state("finished")
+    assert edge.ask().verdict == "wait"
+    wait_for(lambda: state_of(registry, row) == "finished", "the end to be seen")
+    wait_for(lambda: learner.released, "its learner to be told")
+
+
+def test_a_registry_that_was_away_learns_all_leases_from_the_tokens(
+    registry: Registry, hire: Callable[[Role], Puppet], wait_for: WaitFor
+) -> None:
+    row = registry.store.create(CONFIG, actor="test")
+    learner, idle = hire("learner"), hire("learner")
+    learner.work(wait_for)
+    folder = registry.store.folder(row.id)
+    folder.set_state("running", new_attempt=True)
+    registry.end()
+    folder.append_metrics({"iteration": 0, "return_px": -5.0, "length": 20.0, "weights_version": 1})
+    registry.begin()
+    wait_for(lambda: registry.store.get(row.id).iteration == 1, "what went on meanwhile to be seen")
+    begin_s = time.monotonic()
+    while time.monotonic() - begin_s < 2 * dispatching.SETTLE_S:
+        assert idle.ask().verdict == "wait"
+    assert not learner.released
+    learner.die()
+    assert idle.work(wait_for).run == row.id
+
+
+def test_a_run_without_a_learner_is_lost_until_another_takes_it(
+    registry: Registry, hire: Callable[[Role], Puppet], wait_for: WaitFor
+) -> None:
+    row = registry.store.create(CONFIG, actor="test")
+    learner = hire("learner")
+    learner.work(wait_for)
+    registry.store.folder(row.id).set_state("running", new_attempt=True)
+    wait_for(lambda: state_of(registry, row) == "running", "the run to be seen running")
+    learner.die()
+    wait_for(lambda: state_of(registry, row) == "lost", "the run to be seen lost")
+    hire("learner").work(wait_for)
+    wait_for(lambda: state_of(registry, row) == "running", "the run to be seen running again")
+
+
+def test_a_run_that_kills_its_learners_is_given_up_and_can_be_resumed(
+    registry: Registry, hire: Callable[[Role], Puppet], wait_for: WaitFor
+) -> None:
+    row = registry.store.create(CONFIG, actor="test")
+    folder = registry.store.folder(row.id)
+    for _ in range(5):
+        learner = hire("learner")
+        learner.work(wait_for)
+        folder.set_state("running", new_attempt=True)
+        learner.die()
+    wait_for(lambda: state_of(registry, row) == "failed", "the run to be given up")
+    assert "5 learners in a row died in iteration 0" in registry.store.get(row.id).error
+    assert folder.state().error == registry.store.get(row.id).error
+    registry.store.request_resume(row.id, "test")
+    hire("learner").work(wait_for)
+    wait_for(lambda: state_of(registry, row) == "running", "the run to be seen running")
+
+
+def test_learners_that_give_a_run_back_or_make_progress_do_not_count(
+    registry: Registry, hire: Callable[[Role], Puppet], wait_for: WaitFor
+) -> None:
+    row = registry.store.create(CONFIG, actor="test")
+    folder = registry.store.folder(row.id)
+    record: dict[str, Any] = {"return_px": -5.0, "length": 20.0}
+    for death in range(6):
+        learner = hire("learner")
+        learner.work(wait_for)
+        folder.set_state("running", new_attempt=True)
+        if death % 2:
+            folder.append_metrics(record | {"iteration": death, "weights_version": death + 1})
+            wait_for(lambda d=death: registry.store.get(row.id).iteration == d + 1, "the progress")
+        learner.die()
+    learner = hire("learner")
+    for _ in range(6):
+        learner.work(wait_for)
+        learner.give_back()
+        wait_for(lambda: state_of(registry, row) == "lost", "the run to be seen lost")
+    learner.work(wait_for)
+    wait_for(lambda: state_of(registry, row) == "running", "the run to go on")
+
+
+def test_a_run_that_another_program_learns_is_shown_and_left_alone(
+    registry: Registry, hire: Callable[[Role], Puppet], wait_for: WaitFor, monkeypatch: Any
+) -> None:
+    monkeypatch.setattr(dispatching, "ADOPT_S", 0.1)
+    folder = RunFolder.create(registry.store.runs_dir, UUID(int=7), CONFIG)
+    with folder.owned("somebody"):
+        folder.set_state("running", new_attempt=True)
+
+        def shown() -> bool:
+            return [row.state for row in registry.store.find()] == ["running"]
+
+        wait_for(shown, "the run to be shown")
+        assert hire("learner").ask().verdict == "wait"
+        registry.store.request_resume(str(folder.run), "test")
+        learner = hire("learner")
+        assert learner.ask().verdict == "wait"
+    wait_for(lambda: learner.ask().run == str(folder.run), "a lease once nobody owns it")
+
+
+def test_garbage_is_refused_and_the_registry_goes_on(
+    registry: Registry,
+    hire: Callable[[Role], Puppet],
+    open_bus: Callable[[], Bus],
+    wait_for: WaitFor,
+) -> None:
+    bus = open_bus()
+    tokens = [
+        Token(bus, keys.lease(run, role, slot, "x"))
+        for run, role, slot in (
+            ("no-uuid", "edge", 0), (UUID(int=1), "cook", 0), (UUID(int=1), "edge", "first"),
+            (UUID(int=1), "edge", 0),
+        )
+    ]  # fmt: skip
+    for body in (b"", b"\xff" * 100, LeaseReply(verdict="wait").encode()):
+        with pytest.raises(RefusedError):
+            request(bus, keys.lease_request(), body, timeout_s=5.0)
+    wait_for(lambda: registry.counters.snapshot().get("tokens_refused") == 3, "three refusals")
+    assert registry.counters.snapshot()["requests_refused"] == 3
+    row = registry.store.create(CONFIG, actor="test")
+    assert hire("learner").work(wait_for).run == row.id
+    del tokens
+
+
+def test_a_worker_goes_from_lease_to_lease_and_takes_nothing_along(
+    registry: Registry, open_bus: Callable[[], Bus], wait_for: WaitFor
+) -> None:
+    stop = threading.Event()
+    process = WorkerProcess(kind="learner", id="learner-0", bus=open_bus(), stop=stop)
+    served: list[Worker] = []
+
+    def serve(worker: Worker) -> int:
+        answer = Responder(worker.bus, keys.config(worker.run), lambda _: b"yes", worker.counters)
+        served.append(worker)
+        worker.stop.wait(20.0)
+        registry.store.folder(str(worker.run)).set_state("stopped")
+        del answer
+        return 0
+
+    loop = threading.Thread(target=LeaseLoop(process, "").run, args=(serve,))
+    loop.start()
+    observer = open_bus()
+    threads: list[int] = []
+    for number in range(3):
+        row = registry.store.create(CONFIG, actor="test")
+        wait_for(lambda n=number: len(served) == n + 1, "the run to be served")
+        assert str(served[-1].run) == row.id
+        assert request(observer, keys.config(UUID(row.id)), b"", timeout_s=5.0) == b"yes"
+        threads.append(threading.active_count())
+        registry.store.request_stop(row.id, "test")
+        wait_for(lambda r=row: state_of(registry, r) == "stopped", "the run to be seen stopped")
+    assert len({id(worker.bus) for worker in served}) == 3
+    assert all(worker.counters is process.counters for worker in served)
+    assert threads[1] == threads[2]
+    stop.set()
+    loop.join(10.0)
+    assert not loop.is_alive()
+
+
+def test_a_worker_that_cannot_use_a_lease_gives_it_back(
+    registry: Registry, open_bus: Callable[[], Bus], wait_for: WaitFor
+) -> None:
+    stop = threading.Event()
+    process = WorkerProcess(kind="learner", id="learner-0", bus=open_bus(), stop=stop)
+    row = registry.store.create(CONFIG, actor="test")
+    folder = registry.store.folder(row.id)
+    tried = threading.Event()
+
+    def serve(worker: Worker) -> int:
+        with folder.owned("me"):
+            pass
+        with folder.owned("a"), folder.owned(worker.id, patience_s=0.0):
+            tried.set()  # never
+        return 0
+
+    loop = threading.Thread(target=LeaseLoop(process, "").run, args=(serve,))
+    loop.start()
+    wait_for(lambda: state_of(registry, row) == "running", "the run to be leased")
+    wait_for(lambda: state_of(registry, row) == "queued", "the run to be given back")
+    assert not tried.is_set()
+    stop.set()
+    loop.join(10.0)
+    assert not loop.is_alive()

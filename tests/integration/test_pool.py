@@ -1,0 +1,271 @@
+"""`bpn up` as its users have it: runs are started in the dashboard, workers take them, anything may die."""
+
+import argparse
+import contextlib
+import json
+import os
+import signal
+import subprocess
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import psutil
+import pytest
+
+from bpn.dashboard import Dashboard
+from bpn.options import add_run_options
+from bpn_shared import keys
+from bpn_shared.bus.liveliness import TokenWatch
+from bpn_shared.bus.requests import request
+from bpn_shared.bus.session import Bus
+from bpn_shared.run_folder import RunFolder
+
+LONG_S = 150.0
+Train = Callable[..., dict[str, Any]]
+WaitFor = Callable[..., None]
+
+
+@dataclass
+class Pool:
+    """A running `bpn up` and its dashboard."""
+
+    process: subprocess.Popen[str]
+    runs_dir: Path
+    dashboard: Dashboard
+
+    def pid_of(self, name: str) -> list[int]:
+        """The processes of a service's module."""
+        found = []
+        for child in psutil.Process(self.process.pid).children():
+            with contextlib.suppress(psutil.NoSuchProcess):  # just killed
+                if name in child.cmdline():
+                    found.append(child.pid)
+        return found
+
+    def folder(self, run_id: str) -> RunFolder:
+        return RunFolder(self.runs_dir / run_id)
+
+    def state(self, run_id: str) -> str:
+        state: str = self.dashboard.run(run_id)["state"]
+        return state
+
+    def sha256(self, run_id: str) -> str:
+        return self.folder(run_id).newest_weights().content_sha256()
+
+
+@pytest.fixture(scope="module")
+def pool(
+    tmp_path_factory: pytest.TempPathFactory,
+    command: Callable[..., list[str]],
+    wait_for: WaitFor,
+) -> Iterator[Pool]:
+    runs_dir = tmp_path_factory.mktemp("pool")
+    process = subprocess.Popen(
+        command("up", "--learners", "2", "--port", "0", "--runs-dir", str(runs_dir)),
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    found: list[Dashboard | None] = []
+    try:
+        wait_for(
+            lambda: found.append(Dashboard.find(runs_dir)) or found[-1], "the dashboard", LONG_S
+        )
+        assert found[-1] is not None
+        yield Pool(process, runs_dir, found[-1])
+    finally:
+        process.send_signal(signal.SIGINT)
+        output, _ = process.communicate(timeout=20)
+    assert process.returncode == 130
+    assert "bpn dashboard: http://127.0.0.1:" in output
+    assert "#token=" in output
+
+
+@pytest.fixture(scope="module")
+def config(small: list[str]) -> dict[str, Any]:
+    """The small run as the dashboard takes it."""
+    parser = argparse.ArgumentParser()
+    add_run_options(parser)
+    given = {key: value for key, value in vars(parser.parse_args(small)).items() if value}
+    return {"task": "reaching"} | {key: int(value) for key, value in given.items()}
+
+
+def learner_pid(pool: Pool, run_id: str, wait_for: WaitFor) -> int:
+    """Of the learner that works on a run, as it says itself."""
+    with Bus(pool.dashboard.endpoint) as bus:
+        tokens: list[str] = []
+        watch = TokenWatch(
+            bus, keys.lease(run_id, "learner", "*", "*"), lambda key, _: tokens.append(key)
+        )
+        wait_for(lambda: tokens, "the token of the learner", LONG_S)
+        worker = tokens[-1].rsplit("/", 1)[-1]
+        report = json.loads(request(bus, keys.health("learner", worker), b"", timeout_s=20.0))
+        del watch
+    assert report["run"] == run_id
+    return int(report["pid"])
+
+
+def test_there_is_a_first_run_and_it_can_be_stopped(pool: Pool, wait_for: WaitFor) -> None:
+    runs: list[dict[str, Any]] = []
+
+    def first_run() -> bool:
+        runs[:] = pool.dashboard._call("GET", "/runs")["items"]
+        return bool(runs) and runs[0]["state"] == "running"
+
+    wait_for(first_run, "the first run", LONG_S)
+    (run,) = runs
+    assert (run["task"], run["config"]["iterations"]) == ("reaching", 50)
+    wait_for(lambda: pool.folder(run["id"]).episode_path(0, 0).exists(), "an episode", LONG_S)
+    pool.dashboard.stop(run["id"])
+    wait_for(lambda: pool.state(run["id"]) == "stopped", "the run to stop", LONG_S)
+    assert pool.folder(run["id"]).state().state == "stopped"
+
+
+def test_two_learners_share_a_sweep_and_one_may_die(
+    pool: Pool, config: dict[str, Any], undisturbed: dict[str, Any], wait_for: WaitFor
+) -> None:
+    seeds = [5, 3, 4, 6, 7, 8]
+    sweep = pool.dashboard._call(
+        "POST", "/sweeps", json={"name": "seeds", "config": config, "grid": {}, "seeds": seeds}
+    )
+    runs = {pool.dashboard.run(run_id)["seed"]: run_id for run_id in sweep["run_ids"]}
+    assert sorted(runs) == sorted(seeds)
+    first = runs[5]
+    wait_for(lambda: pool.folder(first).episode_path(1, 3).exists(), "the middle", LONG_S)
+    states = [pool.state(run_id) for run_id in runs.values()]
+    assert states.count("running") == 2  # two learners, two robots with their edges
+    victim = learner_pid(pool, first, wait_for)
+    assert victim in pool.pid_of("bpn_learner")
+    os.kill(victim, signal.SIGKILL)
+
+    def states_of_all() -> dict[str, int]:
+        found: dict[str, int] = pool.dashboard._call("GET", f"/sweeps/{sweep['id']}")["states"]
+        return found
+
+    wait_for(lambda: states_of_all() == {"finished": 6}, "all six runs", 2 * LONG_S)
+    attempts = {seed: pool.folder(run_id).state().attempt for seed, run_id in runs.items()}
+    assert attempts == {5: 2} | dict.fromkeys(seeds[1:], 1)
+    assert pool.sha256(first) == undisturbed["weights_sha256"]
+    for run_id in runs.values():
+        assert len(pool.folder(run_id).metrics()) == config["iterations"]
+        names = {path.name for path in pool.folder(run_id).logs.iterdir()}
+        assert names == {"learner.log", "edge-0.log", "robot_sim-0.log"}
+
+
+def test_the_dashboard_may_die_in_the_middle_of_a_run(
+    pool: Pool, config: dict[str, Any], undisturbed: dict[str, Any], wait_for: WaitFor
+) -> None:
+    run_id = pool.dashboard.create_run(config | {"seed": 5})["id"]
+    wait_for(lambda: pool.folder(run_id).episode_path(1, 3).exists(), "the middle", LONG_S)
+    (victim,) = pool.pid_of("bpn_dashboard")
+    os.kill(victim, signal.SIGKILL)
+    wait_for(lambda: pool.pid_of("bpn_dashboard") not in ([], [victim]), "another one", LONG_S)
+
+    def back() -> bool:
+        found = Dashboard.find(pool.runs_dir)
+        if found is not None:
+            assert found.url == pool.dashboard.url  # pages that are open find it again
+            pool.dashboard = found
+        return found is not None
+
+    wait_for(back, "the dashboard to answer again", LONG_S)
+    wait_for(lambda: pool.state(run_id) == "finished", "the run's end", LONG_S)
+    run = pool.dashboard.run(run_id)
+    assert (run["attempt"], run["iteration"]) == (1, 4)
+    assert pool.sha256(run_id) == undisturbed["weights_sha256"]
+
+    def points() -> list[float]:
+        query = {"runs": [run_id], "metrics": ["return_px"], "x": "iteration"}
+        series = pool.dashboard._call("POST", "/series/query", json=query)["series"]
+        return [value for one in series for value in one["value"]]
+
+    wait_for(lambda: len(points()) == 4, "a curve without a gap")
+    assert points() == pytest.approx(undisturbed["returns"], abs=1e-3)
+
+
+def test_a_run_that_was_stopped_and_resumed_ends_as_if_undisturbed(
+    pool: Pool, config: dict[str, Any], undisturbed: dict[str, Any], wait_for: WaitFor
+) -> None:
+    run_id = pool.dashboard.create_run(config | {"seed": 5})["id"]
+    wait_for(lambda: pool.folder(run_id).episode_path(2, 3).exists(), "iteration 2", LONG_S)
+    pool.dashboard.stop(run_id)
+    wait_for(lambda: pool.state(run_id) == "stopped", "the run to stop", LONG_S)
+    assert pool.folder(run_id).state().state == "stopped"
+    assert not pool.folder(run_id).is_owned()
+    pool.dashboard.resume(run_id)
+    wait_for(lambda: pool.state(run_id) == "finished", "the run's end", LONG_S)
+    assert pool.dashboard.run(run_id)["attempt"] == 2
+    assert pool.sha256(run_id) == undisturbed["weights_sha256"]
+
+
+def test_train_goes_through_the_dashboard(
+    pool: Pool, train: Train, small: list[str], undisturbed: dict[str, Any]
+) -> None:
+    result = train("reaching", "--seed", "5", *small, runs_dir=pool.runs_dir)
+    assert result["weights_sha256"] == undisturbed["weights_sha256"]
+    assert result["stderr"].count("iteration ") == 4  # one line each
+    assert result.keys() == undisturbed.keys()
+    assert pool.dashboard.run(result["run_id"])["state"] == "finished"
+
+
+def test_ctrl_c_stops_a_run_that_goes_through_the_dashboard(
+    pool: Pool, command: Callable[..., list[str]], wait_for: WaitFor
+) -> None:
+    before = set(pool.runs_dir.glob("*/config.json"))
+    process = subprocess.Popen(
+        command("train", "reaching", "--runs-dir", str(pool.runs_dir)),
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    new: set[Path] = set()
+
+    def playing() -> bool:
+        new.update(set(pool.runs_dir.glob("*/config.json")) - before)
+        return any((path.parent / "episodes" / "000000-00002.bpne").exists() for path in new)
+
+    wait_for(playing, "the run to begin", LONG_S)
+    process.send_signal(signal.SIGINT)
+    output, _ = process.communicate(timeout=LONG_S)
+    assert process.returncode == 130
+    assert "bpn train --resume" in output
+    (config_file,) = new
+    assert pool.state(config_file.parent.name) == "stopped"
+
+
+def test_workers_keep_nothing_of_the_runs_that_they_served(
+    pool: Pool, config: dict[str, Any], wait_for: WaitFor
+) -> None:
+    tiny = config | {"iterations": 1, "episodes": 2, "epochs": 1}
+    modules = ("bpn_learner", "bpn_robot_sim", "bpn_edge")
+
+    def serve_some() -> dict[int, tuple[int, int]]:
+        runs = [pool.dashboard.create_run(tiny)["id"] for _ in range(4)]
+        for run_id in runs:
+            wait_for(lambda r=run_id: pool.state(r) == "finished", "a tiny run", LONG_S)
+        counts: dict[int, tuple[int, int]] = {}
+        for module in modules:
+            for pid in pool.pid_of(module):
+                worker = psutil.Process(pid)
+                counts[pid] = worker.num_threads(), worker.num_fds()
+        return counts
+
+    serve_some()
+    before = serve_some()
+    after = serve_some()
+    assert before.keys() == after.keys()
+    for pid, (threads, files) in after.items():
+        assert threads <= before[pid][0] + 8, "threads of a session that is being closed, at most"
+        assert files <= before[pid][1] + 8
+
+
+def test_a_second_dashboard_of_the_same_runs_is_refused(
+    pool: Pool, command: Callable[..., list[str]]
+) -> None:
+    for arguments in (("up",), ("dashboard", "reindex")):
+        done = subprocess.run(
+            command(*arguments, "--runs-dir", str(pool.runs_dir)),
+            capture_output=True, text=True, timeout=60, check=False,
+        )  # fmt: skip
+        assert done.returncode == 2
+        assert pool.dashboard.url in done.stderr

@@ -1,0 +1,94 @@
+"""What trials come to, and the film of them."""
+
+from pathlib import Path
+
+import imageio.v3 as imageio
+import numpy as np
+import pytest
+
+from bpn.evaluation import video
+from bpn.evaluation.outcome import Outcome, outcome, summarize
+from bpn_shared.config import RunConfig
+from bpn_shared.messages.episode import Episode, EpisodeMeta
+from bpn_shared.tasks import TASKS
+
+TRACKING = RunConfig.for_task("tracking")
+
+
+def disc_at(x_px: float) -> np.ndarray:
+    """A frame of tracking with the target on its middle row."""
+    rows, columns = np.mgrid[:84, :84]
+    inside = (columns - x_px) ** 2 + (rows - 41.5) ** 2 <= 12.0**2
+    return np.where(inside, np.array([255, 160, 0], np.uint8)[:, None, None], 0).astype(np.uint8)
+
+
+def episode(places_px: list[float], *, failed: bool, actions: list[int] | None = None) -> Episode:
+    steps = len(places_px) - 1
+    meta = EpisodeMeta(
+        iteration=0, episode=0, seed=0, slot=0, worker="edge", weights_attempt=1, weights_version=0,
+        failed=failed, deadline_misses=1, duration_ns=0,
+    )  # fmt: skip
+    return Episode(
+        meta=meta,
+        frames=np.stack([disc_at(x_px) for x_px in places_px]),
+        actions=np.array(actions or [3] * steps, np.uint8),
+        outputs=np.tile(np.arange(7, dtype=np.int32), (steps, 1)),
+        rewards=np.full(steps, np.nan),
+        inference_ns=np.ones(steps, np.uint32),
+        camera_to_action_ns=np.ones(steps, np.uint32),
+    )
+
+
+def test_return_and_success_come_from_what_was_seen() -> None:
+    kept = outcome(TRACKING, episode([41.5, 51.5, 31.5], failed=False))
+    assert kept == Outcome(pytest.approx(-20.0, abs=0.2), 2, True, 1)
+    assert not outcome(TRACKING, episode([41.5, 51.5], failed=True)).success
+
+
+def test_the_summary_is_in_the_units_of_table_two() -> None:
+    outcomes = [Outcome(-800.0, 40, True, 0), Outcome(-100.0, 10, False, 2)]
+    summary = summarize(TRACKING, outcomes)
+    assert summary["return_px"] == {"mean": -450.0, "std": 350.0}
+    assert summary["px_per_step"] == {"mean": -15.0, "std": 5.0}
+    assert summary["tracking_time"] == {"steps": 25.0, "seconds": 3.625, "percent": 62.5}
+    assert summary["success_share"] == 0.5
+    assert summary["deadline_misses"] == 2
+    assert (summary["lengths"], summary["successes"]) == ([40, 10], [True, False])
+    with pytest.raises(ValueError, match="nothing was played"):
+        summarize(TRACKING, [])
+
+
+def test_a_film_shows_every_frame_enlarged_and_the_applied_action_beside_it() -> None:
+    shown = episode([20.0, 41.5, 60.0], failed=False, actions=[6, 0])
+    pictures = list(video.film(shown))
+    assert len(pictures) == 3
+    for picture, frame in zip(pictures, shown.frames, strict=True):
+        height, width, _ = picture.shape
+        assert (height % 2, width % 2) == (0, 0)  # or no player shows the film
+        np.testing.assert_array_equal(picture[: 84 * 4 : 4, : 84 * 4 : 4], frame.transpose(1, 2, 0))
+    assert pictures[0].shape == (336, 336 + 128, 3)
+    assert next(video.film(shown, bars=False)).shape == (336, 336, 3)
+    lengths = [_bar_lengths(picture[:, 336:]) for picture in pictures[:2]]
+    assert lengths[0] == lengths[1] == sorted(lengths[0])  # outputs are 0, 1, ... 6
+    chosen = [
+        np.argwhere((p[:, 336:] == video._CHOSEN).all(axis=2))[:, 0].mean() for p in pictures[:2]
+    ]
+    assert chosen[0] > chosen[1]  # action 6 is the lowest bar, action 0 the uppermost
+
+
+def _bar_lengths(panel: np.ndarray) -> list[int]:
+    lit = (panel != np.array(video._BACKGROUND)).any(axis=2).sum(axis=1)
+    starts = np.flatnonzero((lit > 0) & (np.roll(lit, 1) == 0))
+    return [int(lit[start]) for start in starts]
+
+
+@pytest.mark.parametrize("name", ["film.mp4", "film.gif"])
+def test_a_written_film_has_all_frames_of_all_trials(name: str, tmp_path: Path) -> None:
+    trials = [episode([20.0, 41.5, 60.0], failed=False)] * 2
+    video.write(tmp_path / name, trials, TASKS["tracking"])
+    read = imageio.imread(tmp_path / name)
+    assert read.shape[1:] == (336, 464, 3)
+    # a gif merges equal neighbours, of which there are none here
+    assert len(read) == 6
+    middle = read[1][4 * 41, 4 * 41].astype(int)
+    assert np.abs(middle - [255, 160, 0]).max() < 30  # compressed
