@@ -24,12 +24,12 @@ DEADLINE_S = 60.0
 
 @contextlib.contextmanager
 def dashboard(
-    runs_dir: Path, wait_for
+    runs_dir: Path, wait_for, *options: str
 ) -> Iterator[tuple[subprocess.Popen[str], httpx.Client, str]]:
     """A dashboard without a message bus, a client with its token, and the one-time token that it printed."""
     with subprocess.Popen(
         [sys.executable, "-m", "bpn_dashboard", "--runs-dir", str(runs_dir), "--port", "0",
-         "--connect", f"unixsock-stream/{runs_dir}/no-router"],
+         "--connect", f"unixsock-stream/{runs_dir}/no-router", *options],
         stdout=subprocess.PIPE, text=True,
     ) as process:  # fmt: skip
         try:
@@ -125,6 +125,24 @@ def test_runs_are_started_listed_and_exported_from_the_command_line(
 
         wait_for(exported, "the point in the export", DEADLINE_S)
     assert "bpn up" in bpn("ls", status=2)
+
+
+def test_the_first_run_is_started_once_and_metrics_have_a_token_of_their_own(
+    tmp_path, wait_for
+) -> None:
+    token = tmp_path / "metrics-token"
+    for _ in range(2):
+        with dashboard(
+            tmp_path, wait_for, "--first-run", "tracking", "--metrics-token", str(token)
+        ) as (process, client, _):
+            (run,) = client.get("/api/v1/runs").json()["items"]
+            assert (run["name"], run["task"], run["state"]) == ("first run", "tracking", "queued")
+            viewer = {"Authorization": f"Bearer {token.read_text()}"}
+            metrics = client.get("/metrics", headers=viewer)
+            assert 'bpn_runs{state="queued"} 1.0' in metrics.text
+            assert client.post(f"/api/v1/runs/{run['id']}/stop", headers=viewer).status_code == 403
+            process.terminate()
+            assert process.wait(DEADLINE_S) == 0
 
 
 def test_it_refuses_to_listen_beyond_loopback(tmp_path) -> None:
