@@ -41,10 +41,11 @@ format: $(INSTALLED) ## write code as ruff wants it
 	$(BIN)/ruff format .
 	$(BIN)/python services/dashboard/hatch_build.py format
 
-bench: $(INSTALLED) ## kernel, learner and loop, side by side with what they are measured against
+bench: $(INSTALLED) ## kernel, learner, loop and dashboard, side by side with what they are measured against
 	$(BIN)/bpn bench kernel
 	$(BIN)/bpn bench learner
 	$(BIN)/bpn bench loop
+	$(BIN)/bpn bench dashboard
 
 learning: $(INSTALLED) ## the paper's reaching run on three seeds (about 15 minutes), with the plot in docs
 	$(BIN)/python bench/learning_curve.py

@@ -16,9 +16,10 @@ import psutil
 import pytest
 import uvicorn
 from fastapi import FastAPI
-from websockets.exceptions import ConnectionClosed
+from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import ClientConnection, connect
 
+from bpn_dashboard.access.guard import Guard
 from bpn_dashboard.hub import topics, websocket
 from bpn_dashboard.hub.hub import Hub
 from bpn_dashboard.hub.protocol import CREDIT, LiveFrame
@@ -71,7 +72,9 @@ def server(open_bus: OpenBus, tmp_path: Path, wait_for: WaitFor) -> Iterator[Ser
     app.include_router(
         live_route(lambda: made.view, lambda _connection: made.allowed, session_period_s=0.05)
     )
-    running = uvicorn.Server(uvicorn.Config(app, port=0, log_level="error", **UVICORN_OPTIONS))
+    running = uvicorn.Server(
+        uvicorn.Config(Guard(app), port=0, log_level="error", **UVICORN_OPTIONS)
+    )
     thread = threading.Thread(target=running.run)
     thread.start()
     wait_for(lambda: running.started, "the server to start")
@@ -87,8 +90,10 @@ class Tab:
 
     def __init__(self, server: Server, hello: bool = True, **options: Any) -> None:
         self._closing = contextlib.ExitStack()
+        host = f"127.0.0.1:{server.port}"
+        options = {"uri": f"ws://{host}{PATH}", "origin": f"http://{host}", **options}
         self.socket: ClientConnection = self._closing.enter_context(
-            connect(f"ws://127.0.0.1:{server.port}{PATH}", compression=None, **options)
+            connect(compression=None, **options)
         )
         self._ids = itertools.count(1)
         if hello:
@@ -476,6 +481,27 @@ def test_without_a_session_nothing_is_told(
     stranger = tab(hello=False)
     assert stranger.closed_with() == websocket.CLOSE_NO_SESSION
     wait_for(lambda: server.view.clients == 0, "both to be forgotten")
+
+
+@pytest.mark.parametrize(
+    ("host", "origin"),
+    [
+        ("127.0.0.1", "http://evil.example"),
+        ("127.0.0.1", "http://127.0.0.1:1"),
+        ("127.0.0.1", "null"),
+        ("127.0.0.1", None),
+        ("evil.example", "http://evil.example:{port}"),
+    ],
+)
+def test_other_sites_and_rebound_names_do_not_get_a_handshake(
+    server: Server, tab: Callable[..., Tab], host: str, origin: str | None
+) -> None:
+    link = socket.create_connection(("127.0.0.1", server.port))
+    given = None if origin is None else origin.format(port=server.port)
+    with link, pytest.raises(InvalidStatus) as refused:
+        tab(uri=f"ws://{host}:{server.port}{PATH}", origin=given, sock=link)
+    assert refused.value.response.status_code == 403
+    assert server.view.clients == 0
 
 
 @pytest.mark.parametrize(

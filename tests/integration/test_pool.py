@@ -1,6 +1,7 @@
 """`bpn up` as its users have it: runs are started in the dashboard, workers take them, anything may die."""
 
 import argparse
+import contextlib
 import json
 import os
 import signal
@@ -36,8 +37,12 @@ class Pool:
 
     def pid_of(self, name: str) -> list[int]:
         """The processes of a service's module."""
-        children = psutil.Process(self.process.pid).children()
-        return [child.pid for child in children if name in child.cmdline()]
+        found = []
+        for child in psutil.Process(self.process.pid).children():
+            with contextlib.suppress(psutil.NoSuchProcess):  # just killed
+                if name in child.cmdline():
+                    found.append(child.pid)
+        return found
 
     def folder(self, run_id: str) -> RunFolder:
         return RunFolder(self.runs_dir / run_id)

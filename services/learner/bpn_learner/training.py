@@ -159,6 +159,7 @@ class Training:
             batch=config.batch,
             target="cvi" if config.algorithm == "bpn" else "dqn",
             mask_terminals=config.mask_terminals,
+            relative_targets=config.relative_targets,
             learning_rate_share=config.learning_rate_share(iteration),
             learning_rate_final=config.learning_rate_final,
             engine=config.engine,

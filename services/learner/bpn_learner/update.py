@@ -38,6 +38,7 @@ class PolicyUpdate:
         batch: B, at least 2.
         target: "cvi" (BPN, CVI) or "dqn" (BQN, DQN).
         mask_terminals: no bootstrap from failures; Algorithm 1 as printed bootstraps from every s'.
+        relative_targets: y less its mean over D, see `targets`.
         learning_rate_share: of the optimizer's learning rate, in this update's first epoch.
         learning_rate_final: of that, in the last epoch; in between it falls along a cosine.
         engine: what computes the minibatches' gradients, see `minibatch_gradients`.
@@ -50,6 +51,7 @@ class PolicyUpdate:
     batch: int = 32
     target: Literal["cvi", "dqn"] = "cvi"
     mask_terminals: bool = False
+    relative_targets: bool = False
     learning_rate_share: float = 1.0
     learning_rate_final: float = 1.0
     engine: Engine = "fast"
@@ -211,15 +213,23 @@ def preferences(network: PNetwork, observations: Tensor) -> Tensor:
 def targets(
     transitions: Transitions, P_target: Tensor, P_next: Tensor, settings: PolicyUpdate
 ) -> Tensor:
-    """Target y of every transition in D from P-(s, .) and P-(s', .), float32[n]."""
+    """Target y of every transition in D from P-(s, .) and P-(s', .), float32[n].
+
+    `relative_targets` subtracts their mean, as relative value iteration does (White, 1963): with c added to
+    all of P-, CVI's y and DQN's only grow by gamma c, so no policy changes. What changes is that the values'
+    common offset, which a reward of one sign lets grow by about E[r] every iteration, need not be expressed by
+    a network that has no bias and +-N steps of lambda for offset and differences together.
+    """
     done = transitions.done if settings.mask_terminals else None
     reward = transitions.rewards
     if settings.target == "dqn":
-        return dqn_target(reward, P_next, gamma=settings.gamma, done=done)
-    return cvi_target(
-        reward, P_target, transitions.actions, P_next,
-        alpha=settings.alpha, beta=settings.beta, gamma=settings.gamma, done=done,
-    )  # fmt: skip
+        y = dqn_target(reward, P_next, gamma=settings.gamma, done=done)
+    else:
+        y = cvi_target(
+            reward, P_target, transitions.actions, P_next,
+            alpha=settings.alpha, beta=settings.beta, gamma=settings.gamma, done=done,
+        )  # fmt: skip
+    return y - y.mean() if settings.relative_targets else y
 
 
 def _finite(loss: float, network: PNetwork) -> float:

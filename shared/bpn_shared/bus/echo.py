@@ -23,7 +23,6 @@ def _publisher(bus: Bus, key: str) -> zenoh.Publisher:
         key,
         congestion_control=zenoh.CongestionControl.DROP,
         priority=zenoh.Priority.REAL_TIME,
-        express=True,
     )
 
 

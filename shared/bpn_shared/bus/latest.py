@@ -27,14 +27,17 @@ class Sample(NamedTuple):
 
 
 class LatestPublisher:
-    """Sends without ever blocking: what cannot go at once is dropped (the receiver wants only the newest)."""
+    """Sends without ever blocking: what cannot go at once is dropped (the receiver wants only the newest).
+
+    Not `express`, which sounds right: a message that may be batched leaves as soon as the link is free all
+    the same, and camera to action was 12 % shorter (medians 340 against 392 us in alternating rounds).
+    """
 
     def __init__(self, bus: Bus, key: str, kind: Literal["frame", "action"]) -> None:
         self._publisher = bus.zenoh.declare_publisher(
             key,
             congestion_control=zenoh.CongestionControl.DROP,
             priority=_PRIORITIES[kind],
-            express=True,
         )
         self._sent = bus.traffic.sent(key)
 

@@ -42,7 +42,6 @@ def request(bus: Bus, key: str, body: bytes, *, timeout_s: float) -> bytes:
         target=zenoh.QueryTarget.BEST_MATCHING,
         consolidation=zenoh.ConsolidationMode.NONE,
         congestion_control=zenoh.CongestionControl.BLOCK,
-        express=True,
     )
     for reply in replies:
         if reply.ok is None:

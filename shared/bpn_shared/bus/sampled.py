@@ -21,7 +21,8 @@ Encode = Callable[[Item], tuple[bytes, bytes | None]]
 
 
 class SampledPublisher(Generic[Item]):
-    """Publishes the newest of what it is offered, at most `rate_hz` times a second.
+    """Publishes the newest of what it is offered, at most `rate_hz` times a second, until it or its session is
+    closed.
 
     One thread offers.
 
@@ -49,6 +50,7 @@ class SampledPublisher(Generic[Item]):
         self.watched = bool(self._publisher.matching_status.matching)  # type: ignore[attr-defined]
         self._thread = threading.Thread(target=self._publish, name=f"sampled {key}", daemon=True)
         self._thread.start()
+        bus.before_close(self.close)
 
     def _changed(self, status: "zenoh.MatchingStatus") -> None:
         self.watched = bool(status.matching)
@@ -68,17 +70,18 @@ class SampledPublisher(Generic[Item]):
                 return
             if item is None:  # taken just before it was announced
                 continue
-            payload, attachment = self._encode(item)
             try:
+                payload, attachment = self._encode(item)
                 self._publisher.put(payload, attachment=attachment)
-            except zenoh.ZError as error:
-                log.debug("nothing is published any more: %s", error)  # the session is closed
-                return
-            self._sent.add(len(payload))
+                self._sent.add(len(payload))
+            except Exception:
+                log.exception("an item for %s was not published", self._publisher.key_expr)
             self._closed.wait(self._period_s)
 
     def close(self) -> None:
-        """Stops publishing. Nothing may be offered any more."""
+        """Stops publishing. Nothing may be offered any more; closing it again does nothing."""
+        if self._closed.is_set():
+            return
         self.watched = False
         self._closed.set()
         if self._news.locked():

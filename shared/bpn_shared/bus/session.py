@@ -5,6 +5,7 @@ import logging
 import sys
 import threading
 import time
+from collections.abc import Callable
 from types import TracebackType
 from typing import Self
 
@@ -73,6 +74,7 @@ class Bus:
         sys.setswitchinterval(0.0005)
         zenoh.init_log_from_env_or("off")  # peers come and go here; what matters is logged by us
         self.endpoint = endpoint
+        self._ends: list[Callable[[], None]] = []
         self.traffic = traffic or Traffic()
         self.zenoh = _open(endpoint, deadline_s, stop or threading.Event())
 
@@ -87,8 +89,14 @@ class Bus:
     ) -> None:
         self.close()
 
+    def before_close(self, end: Callable[[], None]) -> None:
+        """Has `end` called before the session ends: for threads that use it."""
+        self._ends.append(end)
+
     def close(self) -> None:
         """Ends the session; its declarations and tokens go with it."""
+        for end in self._ends:
+            end()
         try:
             self.zenoh.close()  # type: ignore[no-untyped-call]
         except zenoh.ZError as error:  # seen under packet loss; the session is gone all the same

@@ -19,7 +19,7 @@ PERIOD_S = 1.0
 
 
 class TelemetryPublisher:
-    """Sends a service's report every second until its session ends."""
+    """Sends a service's report every second, at the latest until its session ends."""
 
     def __init__(self, bus: Bus, kind: str, worker: str, report: Callable[[], Telemetry]) -> None:
         self._report = report
@@ -31,19 +31,19 @@ class TelemetryPublisher:
         )
         self._thread = threading.Thread(target=self._publish, name="telemetry", daemon=True)
         self._thread.start()
+        bus.before_close(self.close)
 
     def _publish(self) -> None:
         while not self._closed.is_set():
             try:
                 if self._publisher.matching_status.matching:  # type: ignore[attr-defined]
                     self._publisher.put(self._report().encode())
-            except zenoh.ZError:
-                return  # the session is closed
             except Exception:
                 log.exception("a telemetry report failed")
             self._closed.wait(PERIOD_S)
 
     def close(self) -> None:
+        """Sends no more. Closing it again does nothing."""
         self._closed.set()
         self._thread.join()
 

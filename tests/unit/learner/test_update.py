@@ -1,5 +1,6 @@
 """Algorithm 1's PolicyUpdate: what it computes, that it learns, and that it repeats itself bit by bit."""
 
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
@@ -117,6 +118,30 @@ def test_targets_are_cvis_of_the_folded_network(mask: bool) -> None:
         done=data.done if mask else None,
     )  # fmt: skip
     assert torch.equal(y, expected)
+
+
+@given(
+    st.sampled_from(["cvi", "dqn"]),
+    st.floats(-1e3, 1e3),
+    st.floats(0, 1),
+    st.floats(0.1, 10),
+    st.integers(0, 100),
+)
+def test_relative_targets_leave_every_policy_as_it_is(
+    target: Literal["cvi", "dqn"], offset: float, alpha: float, beta: float, seed: int
+) -> None:
+    D = transitions()
+    generator = torch.Generator().manual_seed(seed)
+    P, P_next = torch.randn(2, len(D), 3, generator=generator, dtype=torch.float64)
+    as_printed = PolicyUpdate(target=target, alpha=alpha, beta=beta)
+    relative = replace(as_printed, relative_targets=True)
+    y = targets(D, P, P_next, as_printed)
+    shifted = targets(D, P + offset, P_next + offset, as_printed)
+    # an offset of all preferences comes back as an offset of all targets ...
+    assert torch.allclose(shifted, y + as_printed.gamma * offset, rtol=0, atol=1e-9)
+    # ... which relative targets are without, so they are the same for both
+    y_relative = targets(D, P + offset, P_next + offset, relative)
+    assert torch.allclose(y_relative, y - y.mean(), rtol=0, atol=1e-9)
 
 
 def test_an_update_equals_algorithm_1_written_plainly() -> None:

@@ -1,10 +1,11 @@
+import json
 from pathlib import Path
 from uuid import UUID
 
 import pytest
 
 from bpn_shared.config import ConfigError, RunConfig
-from bpn_shared.run_folder import RunFolder, write_atomically
+from bpn_shared.run_folder import RunFolder, RunOwnedError, write_atomically
 
 RUNS = [UUID(int=0x1234 << 112 | 1), UUID(int=0x1235 << 112 | 2)]
 
@@ -56,3 +57,24 @@ def test_replacing_a_file_leaves_the_old_one_if_it_cannot_finish(tmp_path: Path)
     with pytest.raises(TypeError):
         write_atomically(path, "not bytes")  # type: ignore[arg-type]
     assert path.read_bytes() == b"old"
+
+
+def test_one_learner_owns_a_run(folder: RunFolder) -> None:
+    assert not folder.is_owned()
+    with folder.owned("learner-1"):
+        assert folder.is_owned()
+        with (
+            pytest.raises(RunOwnedError, match="is being learned by learner-1: wait"),
+            folder.owned("learner-2", patience_s=0.1),
+        ):
+            pass
+        assert folder.is_owned()
+    assert not folder.is_owned()
+    with folder.owned("learner-2"):
+        pass
+
+
+def test_rewards_are_kept_by_iteration(folder: RunFolder) -> None:
+    folder.append_rewards(0, [[-1.5, -2.0], [-3.0]])
+    line = (folder.path / "rewards.jsonl").read_text()
+    assert json.loads(line) == {"iteration": 0, "rewards_px": [[-1.5, -2.0], [-3.0]]}

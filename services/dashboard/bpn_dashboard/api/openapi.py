@@ -44,13 +44,15 @@ def _document(app: FastAPI) -> dict[str, Any]:
 
 def _describe_operation(operation: dict[str, Any], dependant: Dependant) -> None:
     found = operation["responses"]
-    if "422" in found:
-        found |= {str(status): told for status, told in responses(422).items()}
+    problems = {422} if "422" in found else set()
+    if "requestBody" in operation:
+        problems |= {400, 413}
     role = next(_roles(dependant), None)
     if role is not None:
         operation[ROLE] = role
         operation["security"] = [{"bearer": []}, {"session": []}]
-        found |= {str(status): told for status, told in responses(401, 403, 429).items()}
+        problems |= {401, 403, 429}
+    found |= {str(status): told for status, told in responses(*sorted(problems)).items()}
 
 
 def _roles(dependant: Dependant) -> Iterator[str]:

@@ -161,7 +161,8 @@ class Dispatcher:
     def _tick(self) -> None:
         now_s = time.monotonic()
         if now_s >= self._adopt_at_s:
-            self._take_changes(self._store.look_around())
+            self._store.adopt()
+            self._take_changes(self._store.changed_folders())
             self._adopt_at_s = now_s + ADOPT_S
         self._count_deaths(now_s)
         self._observe()

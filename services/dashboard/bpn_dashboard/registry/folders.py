@@ -53,7 +53,7 @@ def row_of(folder: RunFolder, about: About | None = None) -> RunRow:
         iterations=config.iterations,
         error=recorded.error,
         created_at=recorded.created_unix_s,
-        updated_at=recorded.updated_unix_s,
+        updated_at=(folder.path / "state.json").stat().st_mtime,
         **about.model_dump(exclude={"name"}),
         name=about.name or f"{config.task} {config.algorithm} seed {config.seed}",
         **Progress(folder).read(),

@@ -249,10 +249,12 @@ class RunStore:
         self._tell(changed)
         return changed
 
-    def look_around(self) -> list[RunRow]:
-        """The runs whose folders other programs have made, or changed the state of, since last time."""
-        made = self.index.adopt()
-        self._tell(made)
+    def adopt(self) -> None:
+        """Makes rows for the folders that have none: of runs that other programs made."""
+        self._tell(self.index.adopt())
+
+    def changed_folders(self) -> list[RunRow]:
+        """The runs whose folders' state was written since last time, by whomever."""
         with self._database.reading() as session:
             ids = self.index.changed(session)
             return list(session.scalars(select(RunRow).where(RunRow.id.in_(ids)))) if ids else []
