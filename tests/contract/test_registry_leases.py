@@ -18,7 +18,7 @@ from bpn_dashboard.registry.dispatcher import Dispatcher
 from bpn_dashboard.registry.store import RunStore
 from bpn_shared import keys
 from bpn_shared.bus.liveliness import AliveToken, Token
-from bpn_shared.bus.requests import Responder, request
+from bpn_shared.bus.requests import RefusedError, Responder, request
 from bpn_shared.bus.session import Bus
 from bpn_shared.config import RunConfig
 from bpn_shared.leased import LeaseLoop
@@ -48,7 +48,8 @@ class Registry:
 
     def begin(self) -> None:
         self.bus = self.open_bus()
-        self.running = Dispatcher(self.bus, self.store, Counters())
+        self.counters = Counters()
+        self.running = Dispatcher(self.bus, self.store, self.counters)
         self.running.start()
 
     def end(self) -> None:
@@ -265,6 +266,30 @@ def test_a_run_that_another_program_learns_is_shown_and_left_alone(
         learner = hire("learner")
         assert learner.ask().verdict == "wait"
     wait_for(lambda: learner.ask().run == str(folder.run), "a lease once nobody owns it")
+
+
+def test_garbage_is_refused_and_the_registry_goes_on(
+    registry: Registry,
+    hire: Callable[[Role], Puppet],
+    open_bus: Callable[[], Bus],
+    wait_for: WaitFor,
+) -> None:
+    bus = open_bus()
+    tokens = [
+        Token(bus, keys.lease(run, role, slot, "x"))
+        for run, role, slot in (
+            ("no-uuid", "edge", 0), (UUID(int=1), "cook", 0), (UUID(int=1), "edge", "first"),
+            (UUID(int=1), "edge", 0),
+        )
+    ]  # fmt: skip
+    for body in (b"", b"\xff" * 100, LeaseReply(verdict="wait").encode()):
+        with pytest.raises(RefusedError):
+            request(bus, keys.lease_request(), body, timeout_s=5.0)
+    wait_for(lambda: registry.counters.snapshot().get("tokens_refused") == 3, "three refusals")
+    assert registry.counters.snapshot()["requests_refused"] == 3
+    row = registry.store.create(CONFIG, actor="test")
+    assert hire("learner").work(wait_for).run == row.id
+    del tokens
 
 
 def test_a_worker_goes_from_lease_to_lease_and_takes_nothing_along(

@@ -68,11 +68,15 @@ def pool(
         text=True,
     )
     found: list[Dashboard | None] = []
-    wait_for(lambda: found.append(Dashboard.find(runs_dir)) or found[-1], "the dashboard", 90)
-    assert found[-1] is not None
-    yield Pool(process, runs_dir, found[-1])
-    process.send_signal(signal.SIGINT)
-    output, _ = process.communicate(timeout=20)
+    try:
+        wait_for(
+            lambda: found.append(Dashboard.find(runs_dir)) or found[-1], "the dashboard", LONG_S
+        )
+        assert found[-1] is not None
+        yield Pool(process, runs_dir, found[-1])
+    finally:
+        process.send_signal(signal.SIGINT)
+        output, _ = process.communicate(timeout=20)
     assert process.returncode == 130
     assert "bpn dashboard: http://127.0.0.1:" in output
     assert "#token=" in output

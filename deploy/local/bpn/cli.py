@@ -4,7 +4,7 @@ import argparse
 import logging
 import sys
 
-from bpn.commands import bench, dashboard, doctor, evaluate, train, up
+from bpn.commands import bench, dashboard, doctor, evaluate, runs, train, up
 from bpn.dashboard import DashboardAwayError, DashboardError
 from bpn.local_run import RunFailedError
 from bpn_shared.bnn.blob import BlobError
@@ -19,7 +19,7 @@ def build_parser() -> argparse.ArgumentParser:
         prog="bpn", description="Reinforcement learning of robot control with binarized networks."
     )
     subparsers = parser.add_subparsers(required=True, metavar="COMMAND")
-    for command in (up, train, evaluate, dashboard, bench, doctor):
+    for command in (up, train, runs, evaluate, dashboard, bench, doctor):
         command.add(subparsers)
     return parser
 

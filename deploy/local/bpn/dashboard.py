@@ -1,6 +1,7 @@
 """The dashboard as the `bpn` command uses it: found by the file that it leaves in the runs folder."""
 
 import json
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, Self
 
@@ -44,11 +45,10 @@ class Dashboard:
         """The dashboard of a runs folder; None if none runs."""
         try:
             address = json.loads((runs_dir / ADDRESS_FILE).read_bytes())
-            found = cls(address["url"], address["token"], address["endpoint"])
-            found._http.get("/healthz", timeout=_FIND_TIMEOUT_S).raise_for_status()
+            httpx.get(f"{address['url']}/healthz", timeout=_FIND_TIMEOUT_S).raise_for_status()
+            return cls(address["url"], address["token"], address["endpoint"])
         except (OSError, ValueError, KeyError, httpx.HTTPError):
             return None
-        return found
 
     def run_count(self) -> int:
         """How many runs there are, archived ones too."""
@@ -58,13 +58,62 @@ class Dashboard:
             count += answer["total"]
         return count
 
-    def create_run(self, config: dict[str, Any], name: str = "") -> dict[str, Any]:
+    def runs(self, **query: str) -> dict[str, Any]:
+        """A page of runs: `items`, `next_cursor`, `total`.
+
+        Args:
+            query: filter, order and page, as docs/dashboard-api.md has them.
+        """
+        return self._call("GET", "/runs", params=query)
+
+    def named(self, text: str) -> dict[str, Any]:
+        """The run of that id, or of which it is the unique beginning or end.
+
+        Raises:
+            ConfigError: there is none, or there are several.
+        """
+        found = [
+            run
+            for archived in ("false", "true")
+            for run in self.runs(search=text, archived=archived, limit="200")["items"]
+            if run["id"].startswith(text) or run["id"].endswith(text)
+        ]
+        if len(found) != 1:
+            count = f"{len(found)} runs match" if found else "no run matches"
+            raise ConfigError(f"{count} {text!r}; `bpn runs ls` shows them")
+        return dict(found[0])
+
+    def create_run(
+        self, config: dict[str, Any], name: str = "", tags: Sequence[str] = ()
+    ) -> dict[str, Any]:
         """Puts a new run into the queue.
 
         Args:
             config: the task, and what is changed from its preset.
         """
-        return self._call("POST", "/runs", json={"config": config, "name": name})
+        body = {"config": config, "name": name, "tags": list(tags)}
+        return self._call("POST", "/runs", json=body)
+
+    def metrics(self, run_id: str) -> list[str]:
+        """The names of a run's metrics."""
+        return [item["name"] for item in self._call("GET", f"/runs/{run_id}/metrics")["names"]]
+
+    def export(self, run_ids: Sequence[str], metrics: Sequence[str], form: str) -> Iterator[bytes]:
+        """Every point of the metrics, as pieces of a file.
+
+        Raises:
+            DashboardError: it refuses.
+            DashboardAwayError: it does not answer.
+        """
+        query = {"runs": ",".join(run_ids), "metrics": ",".join(metrics), "format": form}
+        try:
+            with self._http.stream("GET", "/api/v1/series/export", params=query) as response:
+                if not response.is_success:
+                    response.read()
+                    raise self._refusal(response)
+                yield from response.iter_bytes()
+        except httpx.HTTPError as error:
+            raise self._away(error) from error
 
     def run(self, run_id: str) -> dict[str, Any]:
         """A run as it is now."""
@@ -89,15 +138,20 @@ class Dashboard:
         try:
             response = self._http.request(method, f"/api/v1{path}", **arguments)
         except httpx.HTTPError as error:
-            raise DashboardAwayError(
-                f"the dashboard at {self.url} does not answer: {error}"
-            ) from error
-        if response.is_success:
-            answer: dict[str, Any] = response.json()
-            return answer
+            raise self._away(error) from error
+        if not response.is_success:
+            raise self._refusal(response)
+        answer: dict[str, Any] = response.json()
+        return answer
+
+    def _away(self, error: httpx.HTTPError) -> DashboardAwayError:
+        return DashboardAwayError(f"the dashboard at {self.url} does not answer: {error}")
+
+    def _refusal(self, response: httpx.Response) -> ConfigError | DashboardError:
         problem = response.json() if "json" in response.headers.get("content-type", "") else {}
         reason = str(problem.get("detail") or f"HTTP status {response.status_code}")
-        reason = f"the dashboard at {self.url}: {reason}"
+        wrong = [f"{item['location']}: {item['message']}" for item in problem.get("errors", ())]
+        reason = "\n".join([f"the dashboard at {self.url}: {reason}", *wrong])
         if response.status_code in (400, 422):
-            raise ConfigError(reason)
-        raise DashboardError(reason, response.status_code)
+            return ConfigError(reason)
+        return DashboardError(reason, response.status_code)

@@ -20,7 +20,7 @@ from bpn.dashboard import Dashboard, DashboardAwayError
 from bpn.supervisor import Supervisor, services_of_run
 from bpn_shared.bus.metrics import MetricsSubscriber
 from bpn_shared.bus.session import Bus
-from bpn_shared.config import RunConfig
+from bpn_shared.config import ConfigError, RunConfig
 from bpn_shared.messages.metrics import MetricsBatch
 from bpn_shared.run_folder import RunFolder, State
 
@@ -61,8 +61,13 @@ def execute(
     Prints one line per iteration to `out`; the progress bar goes to standard error if that is a terminal.
 
     Raises:
+        ConfigError: somebody else is learning the run.
         RunFailedError: a service failed for good.
     """
+    if folder.is_owned():
+        raise ConfigError(
+            f"run {folder.run} is being learned already: wait for its end, or stop it where it runs"
+        )
     config = folder.config()
     supervisor = Supervisor(
         services_of_run(folder.run, config, folder.path.parent, endpoint), folder.logs
@@ -75,7 +80,7 @@ def execute(
     finally:
         supervisor.stop()
         state = folder.state()
-        if state.state not in ("finished", "failed"):
+        if state.state not in ("finished", "failed") and not folder.is_owned():
             end: State = "failed" if supervisor.failure else "stopped"
             folder.set_state(end, error=supervisor.failure)
     if supervisor.failure:

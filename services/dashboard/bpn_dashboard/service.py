@@ -35,7 +35,13 @@ from bpn_dashboard.series.ingest import Ingest
 from bpn_shared.bus.session import DEFAULT_ENDPOINT, Bus, BusError
 from bpn_shared.config import ConfigError
 from bpn_shared.run_folder import write_atomically
-from bpn_shared.service import Counters, end_with_supervisor, new_worker_id, set_up_logging
+from bpn_shared.service import (
+    Counters,
+    end_with_supervisor,
+    new_worker_id,
+    set_up_logging,
+    stop_on_signals,
+)
 
 log = logging.getLogger(__name__)
 
@@ -162,7 +168,7 @@ async def _join_bus(
         log.info("%s", error)
         return
     name = new_worker_id(presence.KIND)
-    live.hub = hub = Hub(bus, options.runs_dir, context.counters, name)
+    hub = live.hub = Hub(bus, options.runs_dir, context.counters, name)
 
     def publish(rows: Sequence[RunRow]) -> None:
         for row in rows:
@@ -184,6 +190,7 @@ def main(argv: list[str] | None = None) -> int:
     options = argument_parser().parse_args(argv)
     set_up_logging("dashboard")
     logging.getLogger("alembic").setLevel(logging.WARNING)
+    stop = stop_on_signals()
     end_with_supervisor()
     try:
         check_options(options)
@@ -210,9 +217,23 @@ def main(argv: list[str] | None = None) -> int:
             ssl_keyfile=options.key,
             **UVICORN_OPTIONS,
         )
-        with suppress(KeyboardInterrupt):
-            uvicorn.Server(config).run(sockets=[listener])
+        server = _Server(config)
+        threading.Thread(target=server.exit_after, args=(stop,), daemon=True).start()
+        server.run(sockets=[listener])
     return 0
+
+
+class _Server(uvicorn.Server):
+    """Leaves signals to us: uvicorn's own handling ends the process by the signal, past our clean-up."""
+
+    @contextmanager
+    def capture_signals(self) -> Iterator[None]:
+        yield
+
+    def exit_after(self, stop: threading.Event) -> None:
+        """Lets the server end when the event is set."""
+        stop.wait()
+        self.should_exit = True
 
 
 def _listen(host: str, port: int) -> socket.socket:

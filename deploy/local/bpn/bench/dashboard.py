@@ -5,23 +5,38 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
-from bpn.bench import live
+from bpn.bench import live, rest
 from bpn.bench.machine import machine
+
+_SERIES = f"{rest.RUNS} runs of {rest.POINTS:,} points in groups"
+_REST = {
+    "group_cold_ms": f"{_SERIES}: first view, ms",
+    "group_warm_ms": "  the same view again, ms",
+    "zoom_ms": "  zoom to another range, ms",
+    "list_ms": f"{rest.LISTED:,} runs: first page, ms",
+    "filter_ms": "  filtered, ms",
+    "sort_ms": "  sorted, ms",
+    "points_per_s": "points taken in a second",
+    "bytes_per_point": "bytes stored for a point",
+}
 
 
 def run() -> dict[str, Any]:
     """Measures all parts; the result has one entry for each."""
-    return {"live": live.measure(), "machine": machine()}
+    return {"rest": rest.measure(), "live": live.measure(), "machine": machine()}
 
 
 def met(result: dict[str, Any]) -> bool:
     """Whether every part reaches its targets."""
-    return live.met(result["live"])
+    return rest.met(result["rest"]) and live.met(result["live"])
 
 
 def show(result: dict[str, Any]) -> None:
     """Prints the measurement as a table."""
     table = Table("what", "measured", "target", title="dashboard")
+    for name, target in rest.TARGETS.items():
+        sign = "≥" if name == "points_per_s" else "≤"
+        table.add_row(_REST[name], f"{result['rest'][name]:,.1f}", f"{sign} {target:,.0f}")
     cameras, deaf = result["live"]["cameras"], result["live"]["deaf_client"]
     ages = cameras["capture_to_client_ms"]
     cpu, steps, growth = live.TARGETS.values()

@@ -5,9 +5,6 @@ import sys
 
 from bpn.dashboard import Dashboard
 from bpn.options import add_runs_dir
-from bpn_dashboard.database.engine import Database, DatabaseError
-from bpn_dashboard.registry.store import RunStore
-from bpn_dashboard.service import database_url
 from bpn_shared.config import ConfigError
 
 
@@ -32,6 +29,11 @@ def reindex(options: argparse.Namespace) -> int:
     Raises:
         ConfigError: a dashboard is running on these runs, or the database cannot be used.
     """
+    # Here, not above: every other command would take half as long again to begin.
+    from bpn_dashboard.database.engine import Database, DatabaseError  # noqa: PLC0415
+    from bpn_dashboard.registry.store import RunStore  # noqa: PLC0415
+    from bpn_dashboard.service import database_url  # noqa: PLC0415
+
     running = Dashboard.find(options.runs_dir)
     if running is not None:
         raise ConfigError(f"the dashboard at {running.url} uses the database: stop it first")

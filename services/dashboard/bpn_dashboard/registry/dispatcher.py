@@ -6,9 +6,11 @@ Nothing here must survive: what is wanted stands in the database, who works wher
 import logging
 import threading
 import time
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 from uuid import UUID
+
+from pydantic import TypeAdapter
 
 from bpn_dashboard.database.tables import RunRow
 from bpn_dashboard.registry.crash_loops import CrashLoops
@@ -18,11 +20,11 @@ from bpn_dashboard.registry.query import RunFilter
 from bpn_dashboard.registry.states import OVER, is_busy
 from bpn_dashboard.registry.store import RunStore
 from bpn_shared import keys
-from bpn_shared.bus.liveliness import Alive, TokenWatch
+from bpn_shared.bus.liveliness import TokenWatch
 from bpn_shared.bus.requests import NoReplyError, RefusedError, Responder, request
 from bpn_shared.bus.session import Bus
 from bpn_shared.config import ConfigError
-from bpn_shared.messages.lease import LeaseReply, LeaseRequest, Release
+from bpn_shared.messages.lease import LeaseReply, LeaseRequest, Release, Role
 from bpn_shared.service import Counters
 
 log = logging.getLogger(__name__)
@@ -35,6 +37,8 @@ SETTLE_S = 1.5
 """After the router was reached: until then tokens may be on their way back."""
 SURELY_DEAD_S = 1.0
 """After a learner's lease has gone: whether it gave it back or died is then known."""
+_ROLE: TypeAdapter[Role] = TypeAdapter(Role)
+_NOT_OVER = ("queued", "running", "stopping", "stopped", "lost")
 _RELEASE_TIMEOUT_S = 1.0
 _RELEASE_AGAIN_S = 1.0
 
@@ -56,8 +60,9 @@ class Dispatcher:
 
     def __init__(self, bus: Bus, store: RunStore, counters: Counters) -> None:
         self._bus, self._store = bus, store
-        self._lock = threading.Lock()  # of the book, the lost ones, and what has changed
+        self._lock = threading.Lock()  # of the book, the living and the lost, and what has changed
         self._book = LeaseBook()
+        self._alive: set[str] = set()
         self._lost: list[_Lost] = []
         self._router = ""
         self._news = threading.Event()
@@ -70,16 +75,16 @@ class Dispatcher:
         self._given_up: dict[str, str] = {}
         self._adopt_at_s = 0.0
         self._thread = threading.Thread(target=self._run, name="dispatcher", daemon=True)
-        self._responder_counters = counters
+        self._counters = counters
 
     def start(self) -> None:
         """Begins; workers get leases once the tokens of those that work already have been told."""
         self._store.subscribe(self._take_changes)
         self._take_changes(self._store.find(RunFilter(states=_NOT_OVER, archived=None)))
-        self._learners = Alive(self._bus, "learner")
-        self._tokens = TokenWatch(self._bus, keys.lease("*", "*", "*", "*"), self._on_token)
-        self._responder = Responder(
-            self._bus, keys.lease_request(), self._on_request, self._responder_counters
+        self._declared = (
+            TokenWatch(self._bus, keys.live("*", "*"), self._on_worker),
+            TokenWatch(self._bus, keys.lease("*", "*", "*", "*"), self._on_lease),
+            Responder(self._bus, keys.lease_request(), self._on_request, self._counters),
         )
         self._thread.start()
 
@@ -99,19 +104,32 @@ class Dispatcher:
 
     def _take_changes(self, rows: Sequence[RunRow]) -> None:
         with self._lock:
-            self._changed.update((row.id, row) for row in rows)
+            _keep_newest(self._changed, rows)
         self._news.set()
 
-    def _on_token(self, key: str, appeared: bool) -> None:
+    def _on_worker(self, key: str, appeared: bool) -> None:
+        worker = key.rsplit("/", 1)[-1]
+        with self._lock:
+            if appeared:
+                self._alive.add(worker)
+            else:
+                self._alive.discard(worker)
+                self._book.gone(worker)
+
+    def _on_lease(self, key: str, appeared: bool) -> None:
         *_, run, role, slot, worker = key.split("/")
-        place = Place(UUID(run), role, int(slot))  # type: ignore[arg-type]
+        try:
+            place = Place(UUID(run), _ROLE.validate_python(role), int(slot))
+        except ValueError:
+            self._counters.refuse("tokens_refused", f"{key} is no lease's token")
+            return
         now_s = time.monotonic()
         with self._lock:
             if appeared:
                 self._book.appeared(place, worker, now_s)
             else:
                 self._book.vanished(place, worker, now_s)
-                if role == "learner" and self._recorded_state(place.run) == "running":
+                if place.role == "learner" and self._recorded_state(place.run) == "running":
                     self._lost.append(_Lost(place.run, worker, now_s))
         self._news.set()
 
@@ -177,7 +195,7 @@ class Dispatcher:
                 run_id for run_id in held
                 if self._book.is_confirmed(Place(UUID(run_id), "learner", 0))
             }  # fmt: skip
-        self._rows |= changed
+        _keep_newest(self._rows, changed.values())
         busy = {run_id for run_id, row in self._rows.items() if is_busy(row.state)}
         seen = {}
         for run_id in changed.keys() | held | busy | self._given_up.keys():
@@ -188,10 +206,11 @@ class Dispatcher:
                 if any(getattr(row, key) != value for key, value in columns.items()):
                     seen[run_id] = columns
         if seen:
-            self._rows |= {row.id: row for row in self._store.observe(seen)}
-        for run_id in [run_id for run_id, row in self._rows.items() if row.state in OVER]:
-            self._forget(run_id)
-        self._demand()
+            _keep_newest(self._rows, self._store.observe(seen))
+        if changed or seen:
+            for run_id in [run_id for run_id, row in self._rows.items() if row.state in OVER]:
+                self._forget(run_id)
+            self._demand()
 
     def _forget(self, run_id: str) -> None:
         del self._rows[run_id]
@@ -218,14 +237,16 @@ class Dispatcher:
         with self._lock:
             due = [lost for lost in self._lost if now_s - lost.at_s > SURELY_DEAD_S]
             self._lost = [lost for lost in self._lost if lost not in due]
+            alive = set(self._alive) if due else set()
         for lost in due:
             row = self._rows.get(str(lost.run))
-            if lost.worker in self._learners or row is None or row.desired_state == "stopped":
+            if lost.worker in alive or row is None or row.desired_state == "stopped":
                 continue  # it gave the run back, or the run is over
             log.warning("learner %s of run %s died", lost.worker, lost.run)
             reason = self._crash_loops.died(lost.run, lost.worker, row.iteration)
             if reason is not None:
                 self._given_up[row.id] = reason
+                self._demand()
 
     def _release(self, now_s: float) -> None:
         with self._lock:
@@ -251,4 +272,8 @@ class Dispatcher:
         return self._given_up.get(row.id, "it is needed elsewhere")
 
 
-_NOT_OVER = ("queued", "running", "stopping", "stopped", "lost")
+def _keep_newest(known: dict[str, RunRow], rows: Iterable[RunRow]) -> None:
+    """Takes rows in, but none in place of one with later wishes: threads may tell in another order."""
+    for row in rows:
+        if row.id not in known or known[row.id].rev <= row.rev:
+            known[row.id] = row

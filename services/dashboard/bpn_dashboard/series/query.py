@@ -21,8 +21,8 @@ Axis = Literal["iteration", "wall_s", "transitions"]
 
 _AXIS_METRIC: Mapping[str, str] = {"wall_s": "time_unix_s", "transitions": "transitions"}
 """The metric that says, at the same iteration, where a point stands on the axis."""
-_REMEMBERED = 512
-"""Series, of at most 4000 buckets of 64 bytes each."""
+_REMEMBERED = 256
+"""Curves, of at most 4000 buckets of 64 bytes each: 64 MB."""
 
 
 @dataclass(frozen=True)

@@ -102,8 +102,9 @@ def _over_seeds(
             spread = block.std(axis=0, ddof=1) / (np.sqrt(n) if band == "sem" else 1.0)
             edges[:, columns] = value[columns] - spread, value[columns] + spread
         elif band == "ci95" and n > 1:
-            resampled = _resampled_weights(n, statistic) @ block
-            edges[:, columns] = np.percentile(resampled, (2.5, 97.5), axis=0)
+            # [k, resamples]: an x's resamples lie side by side in memory, which halves the time
+            resampled = block.T @ _resampled_weights(n, statistic).T
+            edges[:, columns] = np.percentile(resampled, (2.5, 97.5), axis=1, overwrite_input=True)
     return value, edges, counts.astype(np.float64)
 
 

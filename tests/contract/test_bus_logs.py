@@ -1,0 +1,63 @@
+import logging
+from collections.abc import Callable
+from pathlib import Path
+from uuid import UUID
+
+import pytest
+
+from bpn_shared import keys, log_lines
+from bpn_shared.bus import logs
+from bpn_shared.bus.latest import LatestPublisher
+from bpn_shared.bus.logs import LogCollector, LogPublisher
+from bpn_shared.bus.session import Bus
+
+RUN = UUID(int=1)
+
+
+def test_what_a_leased_worker_logs_reaches_the_run_folder(
+    open_bus: Callable[[], Bus], tmp_path: Path, wait_for: Callable[..., None]
+) -> None:
+    collector = LogCollector(open_bus(), RUN, tmp_path)
+    file = tmp_path / "edge-0.log"
+    logger = logging.getLogger("somewhere")
+    with LogPublisher(open_bus(), RUN, "edge-0"):
+
+        def said() -> bool:
+            logger.warning("hello %d", 7)
+            return file.exists()
+
+        wait_for(said, "a line")
+    logger.warning("after the lease")
+    first = log_lines.parse(file.read_text().splitlines()[0])
+    assert (first.service, first.level, first.message) == ("edge-0", "WARNING", "hello 7")
+    assert "after the lease" not in file.read_text()
+    del collector
+
+
+def test_no_line_becomes_another_file_and_no_file_grows_without_end(
+    open_bus: Callable[[], Bus], tmp_path: Path, wait_for: Callable[..., None],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:  # fmt: skip
+    monkeypatch.setattr(logs, "MAX_FILE_BYTES", 100)
+    folder = tmp_path / "logs"
+    folder.mkdir()
+    collector = LogCollector(open_bus(), RUN, folder)
+    bus = open_bus()
+    publishers = {
+        name: LatestPublisher(bus, keys.log(RUN, name), "frame")
+        for name in ("..", "edge-0", "Edge-0", "state.json", "edge-0.log")
+    }
+
+    def send() -> bool:
+        for publisher in publishers.values():
+            publisher.put(b"x" * 60)
+        file = folder / "edge-0.log"
+        return file.exists() and file.stat().st_size > 100
+
+    wait_for(send, "lines")
+    for _ in range(20):
+        send()
+    assert (folder / "edge-0.log").stat().st_size < 2 * 100
+    assert [path.name for path in folder.iterdir()] == ["edge-0.log"]
+    assert [path.name for path in tmp_path.iterdir()] == ["logs"]
+    del collector

@@ -1,0 +1,136 @@
+"""The dashboard as a process: killed, stopped, and asked by the command line."""
+
+import contextlib
+import json
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import httpx
+import pytest
+from websockets.exceptions import ConnectionClosed, InvalidStatus
+from websockets.sync.client import connect
+
+from bpn.cli import main
+from bpn_dashboard.service import ADDRESS_FILE
+from bpn_shared.config import RunConfig
+from bpn_shared.run_folder import RunFolder
+
+DEADLINE_S = 60.0
+
+
+@contextlib.contextmanager
+def dashboard(
+    runs_dir: Path, wait_for
+) -> Iterator[tuple[subprocess.Popen[str], httpx.Client, str]]:
+    """A dashboard without a message bus, a client with its token, and the one-time token that it printed."""
+    with subprocess.Popen(
+        [sys.executable, "-m", "bpn_dashboard", "--runs-dir", str(runs_dir), "--port", "0",
+         "--connect", f"unixsock-stream/{runs_dir}/no-router"],
+        stdout=subprocess.PIPE, text=True,
+    ) as process:  # fmt: skip
+        try:
+            assert process.stdout is not None
+            link = process.stdout.readline().strip().partition("#token=")[2]
+            address = json.loads((runs_dir / ADDRESS_FILE).read_bytes())
+            headers = {"Authorization": f"Bearer {address['token']}"}
+            with httpx.Client(base_url=address["url"], headers=headers, timeout=30) as client:
+
+                def ready() -> bool:
+                    with contextlib.suppress(httpx.HTTPError):
+                        return client.get("/readyz").is_success
+                    return False
+
+                wait_for(ready, "the dashboard to be ready", DEADLINE_S)
+                yield process, client, link
+        finally:
+            process.kill()
+
+
+def losses(client: httpx.Client, run: str) -> list[float]:
+    body = {"runs": [run], "metrics": ["loss"], "max_points": 4000}
+    answer = client.post("/api/v1/series/query", json=body)
+    return answer.json()["series"][0]["x"] if answer.is_success else []
+
+
+def test_kill_9_loses_no_point_and_a_stop_ends_open_streams(tmp_path, wait_for) -> None:
+    run = "01a201f9-821b-74c6-95eb-3f4ab1331c4c"
+    folder = RunFolder.create(tmp_path, run, RunConfig.for_task("reaching"))
+
+    def write(begin: int, end: int) -> None:
+        for iteration in range(begin, end):
+            folder.append_metrics({"iteration": iteration, "loss": float(iteration)})
+
+    write(0, 100)
+    with dashboard(tmp_path, wait_for) as (process, client, _):
+        wait_for(lambda: len(losses(client, run)) >= 100, "the first points", DEADLINE_S)
+        write(100, 400)  # taken in while it dies
+        process.send_signal(signal.SIGKILL)
+        process.wait(DEADLINE_S)
+    write(400, 500)
+    with dashboard(tmp_path, wait_for) as (process, client, link):
+        wait_for(lambda: len(losses(client, run)) >= 500, "all points", DEADLINE_S)
+        assert losses(client, run) == list(range(500))
+
+        cookie = log_in(client, link)
+        url = str(client.base_url).replace("http", "ws") + "/api/v1/live"
+        origin = str(client.base_url)
+        with pytest.raises(InvalidStatus) as foreign:
+            connect(
+                url, origin="http://evil.example", additional_headers={"Cookie": cookie}
+            ).close()
+        assert foreign.value.response.status_code == 403
+        with connect(url, origin=origin) as socket:
+            with pytest.raises(ConnectionClosed):
+                socket.recv(DEADLINE_S)
+            assert socket.close_code == 4401
+        with client.stream("GET", f"/api/v1/artefacts/{run}.metrics.metrics") as stream:
+            process.send_signal(signal.SIGTERM)
+            assert process.wait(DEADLINE_S) == 0
+            stream.close()
+    assert not (tmp_path / ADDRESS_FILE).exists()
+
+
+def log_in(client: httpx.Client, link: str) -> str:
+    """The cookie of a session made from the printed link."""
+    answer = httpx.post(f"{client.base_url}/api/v1/session", json={"token": link})
+    assert answer.status_code == 204, answer.text
+    return answer.headers["set-cookie"].partition(";")[0]
+
+
+def test_runs_are_started_listed_and_exported_from_the_command_line(
+    tmp_path, wait_for, capsys
+) -> None:
+    def bpn(*arguments: str, status: int = 0) -> str:
+        assert main(["runs", *arguments, "--runs-dir", str(tmp_path)]) == status
+        said = capsys.readouterr()
+        return said.out if status == 0 else said.err
+
+    with dashboard(tmp_path, wait_for):
+        assert oct((tmp_path / ADDRESS_FILE).stat().st_mode)[-3:] == "600"
+        made = json.loads(bpn("start", "reaching", "--seed", "7", "--name", "mine", "--json"))
+        RunFolder.open(tmp_path, made["id"]).append_metrics({"iteration": 0, "loss": 0.5})
+        assert json.loads(bpn("ls", "--json"))[0]["id"] == made["id"]
+        assert "mine" in bpn("show", made["id"][-8:])
+        assert json.loads(bpn("stop", made["id"][-8:], "--json"))["state"] == "stopped"
+        output = tmp_path / "series.csv"
+
+        def exported() -> bool:
+            arguments = ["--metrics", "loss", "--output", str(output)]
+            bpn("export", made["id"], *arguments)
+            return ",0,0.5" in output.read_text()
+
+        wait_for(exported, "the point in the export", DEADLINE_S)
+    assert "bpn up" in bpn("ls", status=2)
+
+
+def test_it_refuses_to_listen_beyond_loopback(tmp_path) -> None:
+    refused = subprocess.run(
+        [sys.executable, "-m", "bpn_dashboard", "--runs-dir", str(tmp_path), "--host", "0.0.0.0"],
+        capture_output=True, text=True, timeout=DEADLINE_S, check=False, env=os.environ,
+    )  # fmt: skip
+    assert refused.returncode == 2
+    assert "--insecure-http" in refused.stderr
