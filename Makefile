@@ -9,7 +9,7 @@ PACKAGES := shared services/edge services/learner services/robot_sim services/da
 SOURCES := $(PACKAGES:%=%/bpn*)
 
 .DEFAULT_GOAL := help
-.PHONY: help up test test-browser screenshots lint format bench learning doctor clean
+.PHONY: help up test test-browser lint format bench learning doctor clean
 
 help:            ## this list
 	@grep -hE '^[a-z-]+: .*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 14
@@ -24,10 +24,6 @@ test: lint       ## lint, then every test that takes seconds, then those that ta
 test-browser: $(INSTALLED) ## the web UI in Chromium: journeys, accessibility, nothing leaves the machine
 	sh deploy/local/check-system.sh $(PYTHON) browser
 	$(BIN)/pytest tests/browser
-
-screenshots: $(INSTALLED) ## the pictures of the web UI in docs/dashboard, and how long a newcomer waits for them
-	sh deploy/local/check-system.sh $(PYTHON) browser
-	$(BIN)/python bench/screenshots.py
 
 lint: $(INSTALLED) ## ruff, mypy --strict, import-linter; prettier, svelte-check and vitest for the web UI
 	$(BIN)/ruff check .
