@@ -4,55 +4,67 @@
 stored is printed, which is where ARCHITECTURE.md has its seconds from.
 """
 
+import functools
 import os
 import random
 import shutil
 import subprocess
 import time
+from collections import Counter
 from collections.abc import Callable, Iterator
 
 import pytest
 from chaos import LONG, RUN_TIMEOUT_S, Progress, facts, kill_main, report
-from compose_project import Project, docker
+from compose_project import EngineError, Project, docker
 
 from bpn_shared.access import ROLES
 
 pytestmark = pytest.mark.skipif("BPN_CHAOS" not in os.environ, reason="run `make test-chaos`")
 
 SERVICES = ("router", *ROLES)
+MANY = LONG | {"iterations": 60, "episodes": 10}
+"""Short iterations: a learner that dies before it has done one is a crash loop, and given up for good reason."""
 KILLS = int(os.environ.get("BPN_CHAOS_KILLS", "50"))
 
 
 @pytest.fixture(scope="module")
-def undisturbed(project: Project) -> dict[str, object]:
-    run = project.start_run(**LONG)
-    project.wait_finished(run, RUN_TIMEOUT_S)
-    return facts(project, run)
+def undisturbed(project: Project) -> Callable[..., dict[str, object]]:
+    """What a run with a configuration comes to when nobody disturbs it."""
+
+    @functools.cache
+    def of(**config: int) -> dict[str, object]:
+        run = project.start_run(**config)
+        project.wait_finished(run, RUN_TIMEOUT_S)
+        return facts(project, run)
+
+    return of
 
 
 @pytest.fixture
 def disturbed(
-    project: Project, undisturbed: dict[str, object]
+    project: Project, undisturbed: Callable[..., dict[str, object]]
 ) -> Iterator[Callable[..., tuple[str, Progress]]]:
     """Starts a run and waits for its middle; at the end it must equal the undisturbed one."""
-    started: list[str] = []
+    started: list[tuple[str, dict[str, int]]] = []
 
-    def start(victim: str) -> tuple[str, Progress]:
-        run = project.start_run(**LONG)
-        started.append(run)
+    def start(victim: str, config: dict[str, int] = LONG) -> tuple[str, Progress]:
+        undisturbed(**config)
+        run = project.start_run(**config)
+        started.append((run, config))
         progress = Progress(project, run, victim)
         progress.wait_beyond(50, RUN_TIMEOUT_S)
         return run, progress
 
     yield start
-    for run in started:
+    for run, config in started:
         project.wait_finished(run, RUN_TIMEOUT_S)
+        project.up()  # until everything is well again
         found = facts(project, run)
         assert (found["lost"], found["duplicated"]) == (0, 0)
-        assert found == undisturbed
+        assert found == undisturbed(**config)
 
 
-Disturbed = Callable[[str], tuple[str, Progress]]
+Disturbed = Callable[..., tuple[str, Progress]]
 
 
 @pytest.mark.parametrize("service", SERVICES)
@@ -125,9 +137,17 @@ def test_many_kills_in_random_order(project: Project, disturbed: Disturbed) -> N
     seed = random.randrange(2**32)
     print(f"seed {seed}, {KILLS} kills")
     choice = random.Random(seed)
-    _, progress = disturbed("dashboard")
-    for number in range(KILLS):
+    run, _ = disturbed("dashboard", MANY)
+    killed: Counter[str] = Counter()
+    while killed.total() < KILLS:
         victim = choice.choice(SERVICES)
-        kill_main(project.containers(victim)[0])
-        print(f"kill {number}: {victim}, {progress.episodes()} episodes")
-        time.sleep(choice.uniform(0.0, 2.0))
+        try:
+            kill_main(project.containers(victim)[0])
+        except (EngineError, IndexError):
+            continue  # it is not back from the last time
+        killed[victim] += 1
+        time.sleep(choice.uniform(0.0, 4.0))
+    project.up()
+    print(
+        f"killed {dict(killed)}, then {project.api('GET', f'/runs/{run}')['iteration']} iterations done"
+    )

@@ -14,11 +14,15 @@ UP_TIMEOUT_S = 180
 COMMAND_TIMEOUT_S = 60
 
 
+class EngineError(RuntimeError):
+    """A docker command failed."""
+
+
 def docker(*arguments: str, timeout_s: float = COMMAND_TIMEOUT_S) -> str:
     """Runs docker; every call has a deadline, for an engine that hangs hangs its clients.
 
     Raises:
-        AssertionError: it failed; the message has what it said.
+        EngineError: it failed; the message has what it said.
     """
     done = subprocess.run(
         ["docker", *arguments],
@@ -28,7 +32,8 @@ def docker(*arguments: str, timeout_s: float = COMMAND_TIMEOUT_S) -> str:
         check=False,
         cwd=ROOT,
     )
-    assert done.returncode == 0, f"docker {' '.join(arguments)}\n{done.stdout}{done.stderr}"
+    if done.returncode != 0:
+        raise EngineError(f"docker {' '.join(arguments)}\n{done.stdout}{done.stderr}")
     return done.stdout
 
 
@@ -85,19 +90,25 @@ class Project:
         return str(run["id"])
 
     def wait_finished(self, run: str, timeout_s: float) -> dict[str, Any]:
-        """Waits until a run is finished.
+        """Waits until a run is finished; a dashboard that is just coming back is asked again.
 
         Raises:
             AssertionError: it is not in time, or has failed.
         """
         deadline_s = time.monotonic() + timeout_s
+        seen: object = "nothing was heard"
         while time.monotonic() < deadline_s:
-            found: dict[str, Any] = self.api("GET", f"/runs/{run}")
-            assert found["state"] != "failed", found["error"]
-            if found["state"] == "finished":
-                return found
+            try:
+                found: dict[str, Any] = self.api("GET", f"/runs/{run}")
+            except (OSError, EngineError) as error:
+                seen = error
+            else:
+                assert found["state"] != "failed", found["error"]
+                if found["state"] == "finished":
+                    return found
+                seen = found
             time.sleep(0.5)  # the condition is another machine's, as far as we know
-        raise AssertionError(f"run {run} is {found['state']} after {timeout_s:.0f} s: {found}")
+        raise AssertionError(f"run {run} is not finished after {timeout_s:.0f} s: {seen}")
 
     def down(self) -> None:
         """Ends it, with its volumes."""
