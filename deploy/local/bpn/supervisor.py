@@ -77,7 +77,9 @@ class Supervisor:
                 stdout=None if service.speaks else output,
                 stderr=output,
                 env={**os.environ, **quiet_threads(), SUPERVISOR_PID: str(os.getpid())},
-                start_new_session=True,  # Ctrl-C goes to us alone, and we stop them in order
+                # Ctrl-C goes to us alone, and we stop them in order. No session of its own, which Linux's
+                # autogroups would schedule apart: that made camera to action 12 % longer (292, not 261 us).
+                process_group=0,
             )
         if service.core is not None:
             os.sched_setaffinity(service.process.pid, {service.core})
