@@ -44,6 +44,7 @@ def run(store, context):
                     ),
                     frames=rng.integers(0, 256, (4, 1, 84, 84), np.uint8),
                     actions=np.array([1, 2, 13], np.uint8),
+                    rewards=np.full(3, np.nan),
                     outputs=rng.integers(-8, 9, (3, 14), np.int32),
                     inference_ns=np.array([1500, 2000, 2500], np.uint32),
                     camera_to_action_ns=np.array([300_000, 0, 400_000], np.uint32),

@@ -213,3 +213,12 @@ def test_a_snapshot_is_json_with_units_in_its_names(topology: Topology) -> None:
     assert said["weights"] == {"running": {"attempt": 1, "version": 4, "time_unix_s": 90.0}}
     assert said["latencies"]["edge_us"]["p99_us"] == 2
     assert (said["cpu_percent"], said["rss_bytes"], said["host"]) == (3.0, 10**8, "cell")
+
+
+def test_what_flowed_for_an_earlier_lease_is_no_flow_of_the_present_run(
+    topology: Topology,
+) -> None:
+    earlier = FRAME.replace(FRAME.split("/")[1], "0190a1b2-0000-7000-8000-000000000001")
+    topology.hear(report("robot_sim", traffic=[sent(earlier, 9), sent(FRAME, 1)]))
+    topology.hear(report("edge", traffic=[received(earlier, 9), received(FRAME, 1)]))
+    assert link(topology, "frame").key == FRAME

@@ -8,7 +8,7 @@ from bpn.commands.reproduce import NAMES
 from bpn.reproduce.definition import Scope
 from bpn.reproduce.manifest import config_hash
 from bpn.reproduce.targets import TARGETS
-from bpn_shared.config import RunConfig
+from bpn_shared.config import ConfigError, RunConfig
 
 
 def plan(name: str, seeds: int = 5, *, quick: bool = False) -> list[RunConfig]:
@@ -78,3 +78,17 @@ def test_quick_runs_are_tiny_and_never_those_of_the_real_thing(name: str) -> Non
 def test_fewer_algorithms_are_fewer_runs() -> None:
     configs = TARGETS["tracking"].plan(Scope(2, ("cvi",)))
     assert [(config.algorithm, config.seed) for config in configs] == [("cvi", 0), ("cvi", 1)]
+
+
+def test_only_the_wanted_sizes_are_planned() -> None:
+    scope = Scope(seeds=2, algorithms=("bpn", "cvi"), nodes=(256,))
+    assert [(run.algorithm, run.nodes) for run in TARGETS["tracking"].plan(scope)] == [
+        ("bpn", 256),
+        ("cvi", 256),
+    ] * 2
+    assert {run.nodes for run in TARGETS["heatmap"].plan(scope)} == {256}
+
+
+def test_a_size_that_the_target_does_not_have_is_named() -> None:
+    with pytest.raises(ConfigError, match="--nodes = 17 is none of 32, 100, 256"):
+        TARGETS["reaching"].plan(Scope(seeds=1, algorithms=("bpn",), nodes=(17,)))

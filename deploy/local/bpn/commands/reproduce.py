@@ -32,6 +32,11 @@ def add(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> No
         help=f"some of the target's algorithms, of {','.join(ALGORITHMS)} (default all)",
     )
     parser.add_argument(
+        "--nodes",
+        metavar="N,N",
+        help="some of the target's N, where it compares several (default all)",
+    )
+    parser.add_argument(
         "--quick", action="store_true", help="a tiny version, to see that everything works"
     )
     parser.add_argument(
@@ -58,6 +63,7 @@ def run(options: argparse.Namespace) -> int:
             options.target,
             seeds=options.seeds,
             algorithms=None if options.algorithms is None else options.algorithms.split(","),
+            nodes=None if options.nodes is None else _integers(options.nodes),
             quick=options.quick,
             jobs=options.jobs,
             out_dir=options.out or (options.runs_dir / "quick" if options.quick else _RESULTS),
@@ -69,10 +75,17 @@ def run(options: argparse.Namespace) -> int:
     )
 
 
+def _integers(text: str) -> list[int]:
+    try:
+        return [int(word) for word in text.split(",")]
+    except ValueError:
+        raise ConfigError(f"--nodes = {text!r} must be integers with commas between them") from None
+
+
 def _command(options: argparse.Namespace) -> str:
     """What to type to get the same."""
     words = ["bpn", "reproduce", options.target]
-    for name in ("seeds", "jobs", "algorithms"):
+    for name in ("seeds", "jobs", "algorithms", "nodes"):
         value = getattr(options, name)
         words += [] if value is None else [f"--{name}", str(value)]
     return shlex.join([*words, *(["--quick"] if options.quick else [])])

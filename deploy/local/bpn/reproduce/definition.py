@@ -8,7 +8,7 @@ from typing import Any, Protocol
 from matplotlib.figure import Figure
 
 from bpn.evaluation.trials import Trials
-from bpn_shared.config import RunConfig
+from bpn_shared.config import ConfigError, RunConfig
 from bpn_shared.messages.episode import Episode
 from bpn_shared.run_folder import RunFolder
 
@@ -28,12 +28,25 @@ class Scope:
     Attributes:
         seeds: runs of each configuration, with seeds 0, 1, ...
         algorithms: those to compare; a target leaves out what it has no use for.
+        nodes: N of binary networks, where a target compares several; None: all of the target's.
         quick: a tiny version through every part, whose numbers mean nothing.
     """
 
     seeds: int
     algorithms: Sequence[str]
     quick: bool = False
+    nodes: Sequence[int] | None = None
+
+    def sizes(self, offered: Sequence[int]) -> list[int]:
+        """Those of the target's N that are wanted.
+
+        Raises:
+            ConfigError: the target does not have one of them.
+        """
+        for nodes in self.nodes or ():
+            if nodes not in offered:
+                raise ConfigError(f"--nodes = {nodes} is none of {', '.join(map(str, offered))}")
+        return [nodes for nodes in offered if self.nodes is None or nodes in self.nodes]
 
     def config(self, task: str, **changes: Any) -> RunConfig:
         """The task's preset with these changes; in quick scope a run of seconds."""

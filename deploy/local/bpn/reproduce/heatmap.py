@@ -27,7 +27,7 @@ _PANELS = (
 
 def plan(scope: Scope) -> list[RunConfig]:
     """One run for each cell, one seed after the other."""
-    alphas, sizes = (_QUICK_ALPHAS, NODES[:1]) if scope.quick else (ALPHAS, NODES)
+    alphas, sizes = (_QUICK_ALPHAS, NODES[:1]) if scope.quick else (ALPHAS, scope.sizes(NODES))
     return [
         scope.config("tracking", algorithm="bpn", seed=seed, nodes=nodes, alpha=alpha)
         for seed, nodes, alpha in product(range(scope.seeds), sizes, alphas)

@@ -40,7 +40,8 @@ def plan(task: str, scope: Scope) -> list[RunConfig]:
     for seed in range(scope.seeds):
         for algorithm in scope.algorithms:
             if algorithm in BINARY and not scope.quick:
-                sizes: list[dict[str, Any]] = [{"nodes": nodes} for nodes in NODES.values()]
+                offered = scope.sizes(tuple(NODES.values()))
+                sizes: list[dict[str, Any]] = [{"nodes": nodes} for nodes in offered]
             else:
                 sizes = [{}]
             runs += [scope.config(task, algorithm=algorithm, seed=seed, **size) for size in sizes]

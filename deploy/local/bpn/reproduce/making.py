@@ -22,6 +22,7 @@ def make(
     *,
     seeds: int | None,
     algorithms: Sequence[str] | None,
+    nodes: Sequence[int] | None,
     quick: bool,
     jobs: int,
     out_dir: Path,
@@ -44,6 +45,7 @@ def make(
         seeds=seeds or (_QUICK_SEEDS if quick else _SEEDS),
         algorithms=_chosen(target, algorithms),
         quick=quick,
+        nodes=nodes,
     )
     configs = target.plan(scope)
     say = partial(out.print, highlight=False, soft_wrap=True)

@@ -9,11 +9,12 @@ from pydantic import BaseModel, Field
 from bpn_dashboard.api.context import Context, Parts, Viewer
 from bpn_dashboard.api.problems import ApiError, responses
 from bpn_dashboard.api.records import record_of
-from bpn_shared.bnn.blob import BlobError, WeightBlob
+from bpn_shared.bnn.blob import BlobError
 from bpn_shared.config import RunConfig
 from bpn_shared.messages.base import MessageError
 from bpn_shared.messages.episode import Episode, decode_meta
 from bpn_shared.run_folder import RunFolder
+from bpn_shared.weights import decode_weights
 
 router = APIRouter(tags=["episodes"])
 
@@ -181,7 +182,7 @@ def _episode(folder: RunFolder, config: RunConfig, iteration: int, episode: int)
 
 def _scale(path: Path) -> float:
     try:
-        return float(WeightBlob.decode(path.read_bytes()).scale)
+        return float(decode_weights(path.read_bytes()).scale)
     except (OSError, BlobError) as error:
         raise ApiError(422, "damaged-weights", "the episode's weights cannot be read") from error
 

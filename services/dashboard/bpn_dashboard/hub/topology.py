@@ -3,6 +3,7 @@
 Fed from the network's threads, asked from any. Ages are on this process's clock.
 """
 
+import re
 import statistics
 import threading
 import time
@@ -23,6 +24,7 @@ FORGET_AFTER_S = 60.0
 _KEPT_LOADS = 20
 
 NodeState = Literal["live", "stale", "dead"]
+_RUN_OF_KEY = re.compile(r"bpn/([0-9a-f]{8}(?:-[0-9a-f]{4}){3}-[0-9a-f]{12})/")
 _REQUESTS = frozenset({"config", "next", "reset", "episode"})
 
 
@@ -216,9 +218,13 @@ class Topology:
 
 
 def _flows(before: Telemetry | None, now: Telemetry) -> Iterator[Flow]:
+    """Of keys that are of no run or of the present one: a worker's tallies outlive its leases."""
     totals = {(t.key, t.direction): t for t in before.traffic} if before is not None else {}
     seconds = (now.time_ns - before.time_ns) / 1e9 if before is not None else 0.0
     for total in now.traffic:
+        run = _RUN_OF_KEY.match(total.key)
+        if run is not None and run[1] != now.run:
+            continue
         last = totals.get((total.key, total.direction)) or _nothing(total)
         yield Flow(
             **total.model_dump(),

@@ -7,6 +7,8 @@ from typing import Any
 from bpn_shared.run_folder import RunFolder
 
 _MEAN_OF = 5
+RETURN_PX, RETURN = "return_px", "return"
+"""Mean return of an iteration: in pixels, or of a gym: task in its environment's unit."""
 
 
 class Progress:
@@ -35,7 +37,7 @@ class Progress:
         return {
             "iteration": last["iteration"] + 1,
             "weights_version": last["weights_version"],
-            "return_px_last": last["return_px"],
+            "return_px_last": self._returns_px[-1],
             "return_px_best": self._best_px,
             "return_px_mean_last_5": sum(self._returns_px) / len(self._returns_px),
             "length_last": last["length"],
@@ -55,10 +57,9 @@ class Progress:
         return whole.splitlines()
 
     def _take(self, record: dict[str, Any]) -> None:
-        return_px = float(record["return_px"])
+        return_px = float(record[RETURN_PX] if RETURN_PX in record else record[RETURN])
         if self._last is not None and record["iteration"] <= self._last["iteration"]:
             self._returns_px.pop()  # after a crash an iteration may stand twice
-        last = {key: record[key] for key in ("iteration", "weights_version", "return_px", "length")}
-        self._last = last
+        self._last = {key: record[key] for key in ("iteration", "weights_version", "length")}
         self._returns_px.append(return_px)
         self._best_px = return_px if self._best_px is None else max(self._best_px, return_px)

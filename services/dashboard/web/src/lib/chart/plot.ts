@@ -5,6 +5,7 @@ import 'uplot/dist/uPlot.min.css';
 import { PALETTE, withAlpha, type ThemeName } from '../colour';
 import { number } from '../format';
 import { count } from '../stats';
+import { picture } from './picture';
 import { planOf, shapeOf, type Line, type Part, type Plan } from './plan';
 
 export type Range = [number, number];
@@ -88,19 +89,18 @@ export class Plot {
     chart.setCursor({ left: chart.valToPos(x, 'x'), top: chart.over.clientHeight / 2 });
   }
 
-  /** What is drawn, as an image on the page's background. */
-  async png(background: string): Promise<Blob | null> {
-    const source = this.#chart?.ctx.canvas;
-    if (!source) return null;
-    const canvas = document.createElement('canvas');
-    canvas.width = source.width;
-    canvas.height = source.height;
-    const context = canvas.getContext('2d');
-    if (!context) return null;
-    context.fillStyle = background;
-    context.fillRect(0, 0, canvas.width, canvas.height);
-    context.drawImage(source, 0, 0);
-    return new Promise((done) => canvas.toBlob(done, 'image/png'));
+  /** What is drawn, as an image with title and legend; null if nothing is. */
+  png(title: string): Promise<Blob | null> {
+    const { lines, hidden } = this.#state ?? { lines: [], hidden: new Set<string>() };
+    if (!this.#chart) return Promise.resolve(null);
+    const entries = lines.map(({ label, key }, i) => ({ label, key, colour: this.#colour(i) }));
+    return picture(this.#chart.ctx.canvas, {
+      title,
+      entries: entries.filter(({ key }) => !hidden.has(key)),
+      background: this.#token('--surface'),
+      text: this.#token('--text'),
+      font: this.#token('--font'),
+    });
   }
 
   destroy(): void {
