@@ -15,23 +15,28 @@ COMMAND_TIMEOUT_S = 60
 
 
 class EngineError(RuntimeError):
-    """A docker command failed."""
+    """A docker command failed, or hung."""
 
 
 def docker(*arguments: str, timeout_s: float = COMMAND_TIMEOUT_S) -> str:
     """Runs docker; every call has a deadline, for an engine that hangs hangs its clients.
 
     Raises:
-        EngineError: it failed; the message has what it said.
+        EngineError: it failed or hung; the message has what it said.
     """
-    done = subprocess.run(
-        ["docker", *arguments],
-        capture_output=True,
-        text=True,
-        timeout=timeout_s,
-        check=False,
-        cwd=ROOT,
-    )
+    try:
+        done = subprocess.run(
+            ["docker", *arguments],
+            capture_output=True,
+            text=True,
+            timeout=timeout_s,
+            check=False,
+            cwd=ROOT,
+        )
+    except subprocess.TimeoutExpired as error:
+        raise EngineError(
+            f"docker {' '.join(arguments)}: no answer in {timeout_s:.0f} s"
+        ) from error
     if done.returncode != 0:
         raise EngineError(f"docker {' '.join(arguments)}\n{done.stdout}{done.stderr}")
     return done.stdout
