@@ -218,7 +218,6 @@ def open_context(browser: Browser, watch: Watch) -> Iterator[Callable[..., Brows
         )
         context.set_default_timeout(DEADLINE_MS)
         context.add_init_script(REPORT_VIOLATIONS)
-        context.route(leaves_loopback, lambda route: route.abort())
         context.on("request", watch.on_request)
         context.on("console", watch.on_console)
         context.on("weberror", lambda error: watch.console.append(f"uncaught: {error.error}"))
