@@ -125,6 +125,13 @@ def test_series_are_exported_whole(client, run) -> None:
     assert (table["iteration"], table["return_px"]) == ([0, 1], [-1.5, -2.5])
 
 
+def test_returns_of_gym_tasks_are_listed(client, run) -> None:
+    record = {"iteration": 1, "return": 4.5, "returns": [4, 5]}
+    (run.folder.path / "metrics.jsonl").write_text(json.dumps(record) + "\n")
+    items = client.get(f"{run.url}/episodes", params={"iteration": 1}).json()["items"]
+    assert [item["return_px"] for item in items] == [4, 5]
+
+
 def test_artefacts_are_downloaded_by_id(client, run) -> None:
     items = client.get(f"{run.url}/artefacts").json()["items"]
     assert {item["kind"] for item in items} == {"config", "metrics"}

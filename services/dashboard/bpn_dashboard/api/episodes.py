@@ -79,7 +79,7 @@ def list_episodes(
     if iteration is None:
         return EpisodeList(iteration=None, first_iteration=None, last_iteration=None, items=[])
     record = record_of(folder.path / "metrics.jsonl", iteration)
-    returns_px = record.get("returns_px", []) if record else []
+    returns = record.get("returns_px", record.get("returns", [])) if record else []  # px, or gym:
     items = []
     for path in sorted((folder.path / "episodes").glob(f"{iteration:06d}-*.bpne")):
         try:
@@ -91,7 +91,7 @@ def list_episodes(
                 iteration=meta.iteration,
                 episode=meta.episode,
                 steps=steps,
-                return_px=returns_px[meta.episode] if meta.episode < len(returns_px) else None,
+                return_px=returns[meta.episode] if meta.episode < len(returns) else None,
                 weights_version=meta.weights_version,
                 slot=meta.slot,
                 worker=meta.worker,

@@ -11,6 +11,7 @@ export const PALETTE = {
 
 export const DASHES: readonly (readonly number[])[] = [[], [8, 4], [2, 3], [10, 3, 2, 3]];
 const COLOURS = PALETTE.light.length;
+const HUES = COLOURS - 1; // grey is nobody's first choice
 const SLOTS = COLOURS * DASHES.length;
 
 export type ThemeName = keyof typeof PALETTE;
@@ -61,7 +62,7 @@ export class StrokeBook {
     }
     for (const key of wanting) {
       if (given.has(key)) continue;
-      const slot = freeSlot(hash(key) % COLOURS, used);
+      const slot = freeSlot(hash(key) % HUES, used);
       given.set(key, slot);
       used.add(slot);
       this.#slots.set(key, slot);

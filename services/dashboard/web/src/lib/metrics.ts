@@ -106,7 +106,18 @@ const KNOWN: Metric[] = [
 
 const BY_NAME = new Map(KNOWN.map((metric) => [metric.name, metric]));
 
-export const PRINCIPAL = ['return_px', 'length', 'loss', 'scale', 'max_preference', 'saturation'];
+const AFTER_RETURN = ['length', 'loss', 'scale', 'max_preference', 'saturation'];
+
+/** What the returns of runs of these tasks are called, and their unit: pixels, but not in Gymnasium's environments. */
+export function returnOf(...tasks: string[]): Metric {
+  return metricNamed(tasks.some((task) => task.startsWith('gym:')) ? 'return' : 'return_px');
+}
+
+/** What a page of runs of these tasks opens with. */
+export function principalOf(...tasks: string[]): string[] {
+  const returns = tasks.length > 0 ? tasks.map((task) => returnOf(task).name) : ['return_px'];
+  return [...new Set(returns), ...AFTER_RETURN];
+}
 
 /** Title and unit of a metric; of an unknown one, the unit is read off the end of its name. */
 export function metricNamed(name: string): Metric {

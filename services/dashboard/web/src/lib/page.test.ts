@@ -3,7 +3,7 @@ import { asProblem, Problem, problemOf } from './api/problem';
 import { Keyboard } from './keyboard';
 import { onReconnect } from './live/reconnect';
 import type { ConnectionStatus } from './live/client';
-import { metricNamed, PRINCIPAL } from './metrics';
+import { metricNamed, principalOf, returnOf } from './metrics';
 import { Value } from './observable';
 import { tokenIn } from './session';
 import { Toasts } from './toasts';
@@ -112,8 +112,16 @@ test('messages with an undo stay at least ten seconds, problems until they are d
 });
 
 test('metrics have units, unknown ones by the end of their name', () => {
-  for (const name of PRINCIPAL) expect(metricNamed(name).title).not.toBe(name);
+  for (const name of principalOf('reaching', 'gym:CartPole-v1'))
+    expect(metricNamed(name).title).not.toBe(name);
   expect(metricNamed('edge.inference_us.p50').unit).toBe('µs');
   expect(metricNamed('rss_bytes').unit).toBe('bytes');
   expect(metricNamed('something').unit).toBe('');
+});
+
+test('returns are in pixels unless a Gymnasium environment is among the tasks', () => {
+  expect(returnOf('reaching', 'tracking').unit).toBe('px');
+  expect(returnOf('reaching', 'gym:CartPole-v1').unit).toBe('');
+  expect(principalOf('gym:CartPole-v1', 'gym:Acrobot-v1')[0]).toBe('return');
+  expect(principalOf('gym:CartPole-v1')).not.toContain('return_px');
 });

@@ -2,7 +2,7 @@
 
 import { runQuery } from '../api/client';
 import type { Band, RunQuery, SeriesQuery, Statistic, XAxis } from '../api/types';
-import { PRINCIPAL } from '../metrics';
+import { principalOf } from '../metrics';
 import type { View } from '../router';
 import { ALL_BUT_SEED } from '../runs/groups';
 import { filterOf } from '../runs/query';
@@ -53,9 +53,10 @@ export function groupingOf(view: View, subject: Subject): SeriesQuery['group_by'
   return subject.runs ? null : ALL_BUT_SEED;
 }
 
-export function metricsOf(view: View): string[] {
+/** The metrics that the URL names, or those that such tasks open with. */
+export function metricsOf(view: View, tasks: readonly string[]): string[] {
   const metrics = view.list('metrics');
-  return metrics.length > 0 ? metrics : PRINCIPAL;
+  return metrics.length > 0 ? metrics : principalOf(...tasks);
 }
 
 /** The part of a series query that all charts of the page share. */

@@ -2,6 +2,7 @@
 
 import type { Run } from '../api/types';
 import { configValue, integer, number, quantity, shortId } from '../format';
+import { returnOf } from '../metrics';
 
 export type CellKind = 'name' | 'state' | 'progress' | 'number' | 'age' | 'tags' | 'sweep' | 'text';
 
@@ -16,8 +17,6 @@ export interface Column {
   text: (run: Run) => string;
   about?: string;
 }
-
-const PX = 'px';
 
 export const COLUMNS: readonly Column[] = [
   { key: 'name', title: 'Run', kind: 'name', sort: 'name', text: nameOf },
@@ -146,10 +145,9 @@ function measure(
     key,
     title,
     kind: 'number',
-    unit: PX,
     sort: key,
     descendingFirst: true,
-    text: (run) => quantity(value(run), '', 4),
+    text: (run) => quantity(value(run), returnOf(run.task).unit),
     about,
   };
 }
