@@ -86,6 +86,12 @@ def test_axe_finds_nothing_in_the_start_dialog(sign_in: Callable[..., Page], the
     assert results.violations_count == 0, results.generate_report()
 
 
+WIDE = """[...document.querySelectorAll('body *:not(nav *)')]
+  .filter((element) => element.getBoundingClientRect().right > innerWidth
+    || element.scrollWidth > element.clientWidth + 1 && getComputedStyle(element).overflowX === 'visible')
+  .map((element) => `${element.outerHTML.slice(0, 100)}: ${element.scrollWidth} px`)"""
+
+
 def test_no_page_is_wider_than_a_phone(
     sign_in: Callable[..., Page], dashboard: Any, finished: str
 ) -> None:
@@ -94,7 +100,7 @@ def test_no_page_is_wider_than_a_phone(
         page.goto(dashboard.url + query)
         settle(page)
         width = page.evaluate("document.documentElement.scrollWidth")
-        assert width <= 360, f"{name} is {width} px wide"
+        assert width <= 360, f"{name} is {width} px wide: {page.evaluate(WIDE)}"
 
 
 def test_everything_by_keyboard_alone(page: Page, finished: str) -> None:

@@ -59,6 +59,48 @@ def test_start_watch_stop_and_resume_a_run(page: Page) -> None:
     expect(page.get_by_text("stopped", exact=True)).to_be_visible()
 
 
+LINE_PIXELS = """figure => {
+  const canvas = figure.querySelector('canvas');
+  const { data } = canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height);
+  let coloured = 0;
+  for (let i = 0; i < data.length; i += 4)
+    coloured += data[i + 3] > 200 && Math.max(...data.slice(i, i + 3)) - Math.min(...data.slice(i, i + 3)) > 60;
+  return coloured;
+}"""
+
+
+def test_a_line_is_drawn_again_whatever_changes(
+    page: Page, dashboard: Any, finished: str, watch: Any
+) -> None:
+    watch.allow("willReadFrequently")  # we do read pixels
+    open_run(page, dashboard, finished)
+    figure = page.get_by_role("figure", name=re.compile("^Return"))
+    expect(figure).to_have_attribute("data-ready", "true")
+
+    def line_pixels() -> int:
+        expect(figure).to_have_attribute("data-ready", "true")
+        pixels: int = figure.evaluate(LINE_PIXELS)
+        return pixels
+
+    drawn = line_pixels()
+    assert drawn > 100
+    figure.get_by_role("application").focus()
+    page.keyboard.press("+")
+    expect(figure.get_by_title("Show all again (0)")).to_be_visible()
+    assert line_pixels() > 100
+    page.keyboard.press("0")
+    expect(figure.get_by_title("Show all again (0)")).to_have_count(0)
+    assert abs(line_pixels() - drawn) < drawn / 10
+    line = figure.get_by_role("button", name=re.compile("^Return .*px"))
+    line.click()
+    expect(line).to_have_attribute("aria-pressed", "false")
+    assert line_pixels() == 0
+    line.click()
+    page.emulate_media(color_scheme="dark")
+    expect(page.locator("html[data-theme=dark]")).to_be_attached()
+    assert abs(line_pixels() - drawn) < drawn / 10
+
+
 def test_play_an_episode(page: Page, dashboard: Any, finished: str) -> None:
     open_run(page, dashboard, finished, "episodes")
     page.get_by_role("button", name="Iteration before").click()

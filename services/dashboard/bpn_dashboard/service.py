@@ -150,6 +150,7 @@ def build(options: argparse.Namespace, database: Database) -> tuple[Application,
     async def lifespan(_app: FastAPI) -> AsyncIterator[None]:
         stop = threading.Event()
         await asyncio.to_thread(runs.adopt)  # whether the bus is reached or not
+        runs.subscribe(context.ingest.take_in)
         context.ingest.start()
         joining = asyncio.create_task(_join_bus(options, context, live, stop))
         try:

@@ -79,6 +79,17 @@ def test_curves_come_as_json_and_as_binary(client, run) -> None:
         np.testing.assert_array_equal(column, expected)
 
 
+def test_a_curve_is_as_far_as_the_row_that_was_announced(client, store, context) -> None:
+    store.subscribe(context.ingest.take_in)
+    row = store.create(RunConfig.for_task("reaching"), actor="test")
+    context.ingest.poll()  # it looks for new files again in two seconds
+    store.folder(row.id).append_metrics({"iteration": 0, "return_px": -1.5})
+    store.update(row.id, row.rev, notes="something changed", actor="test")
+    body = {"runs": [row.id], "metrics": ["return_px"]}
+    (curve,) = client.post("/api/v1/series/query", json=body).json()["series"]
+    assert curve["value"] == [-1.5]
+
+
 @pytest.mark.parametrize(
     "body",
     [

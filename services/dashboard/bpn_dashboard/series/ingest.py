@@ -9,6 +9,7 @@ import math
 import os
 import threading
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from typing import BinaryIO
 
@@ -16,6 +17,7 @@ from sqlalchemy import select
 
 from bpn_dashboard.database.engine import Database
 from bpn_dashboard.database.series_tables import SourceRow
+from bpn_dashboard.database.tables import RunRow
 from bpn_dashboard.series import store
 from bpn_dashboard.series.lines import parse_lines
 from bpn_shared.service import Counters
@@ -45,6 +47,7 @@ class Ingest:
         self._active: dict[str, float] = {}
         self._scan_at_s = -math.inf
         self._stop = threading.Event()
+        self._lock = threading.Lock()
         self._thread = threading.Thread(target=self._follow, name="ingest", daemon=True)
         with database.reading() as session:
             rows = session.scalars(select(SourceRow))
@@ -66,7 +69,17 @@ class Ingest:
 
     def poll(self) -> int:
         """Takes in what was written since the last call; returns the number of points."""
-        return sum(self._take_in(run_id) for run_id in self._due())
+        with self._lock:
+            return sum(self._take_in(run_id) for run_id in self._due())
+
+    def take_in(self, rows: Sequence[RunRow]) -> None:
+        """Of these runs now: who sees how far a run is finds its curve as far."""
+        try:
+            with self._lock:
+                for row in rows:
+                    self._take_in(row.id)
+        except Exception:
+            log.exception("cannot take in metrics; following tries again")
 
     def _follow(self) -> None:
         while not self._stop.is_set():

@@ -71,7 +71,10 @@ export class Plot {
     chart.batch(() => {
       if (chart.data !== this.#plan.columns)
         chart.setData(this.#plan.columns as uPlot.AlignedData, true);
-      else chart.setScale('x', { min: NaN, max: NaN }); // asks the range function again
+      else {
+        const [min, max] = this.#range();
+        chart.setScale('x', { min, max });
+      }
       this.#plan.series.forEach(({ line }, i) => {
         const show = !state.hidden.has(state.lines[line]?.key ?? '');
         if (chart.series[i + 1]?.show !== show) chart.setSeries(i + 1, { show });
@@ -127,6 +130,12 @@ export class Plot {
     }
   }
 
+  /** The x that is shown. */
+  #range(): Range {
+    const xs = this.#plan.columns[0] ?? [];
+    return this.#state?.range ?? widened(xs[0] ?? null, xs[xs.length - 1] ?? null);
+  }
+
   #colour(line: number): string {
     const { lines, theme } = this.#state ?? { lines: [], theme: 'light' as ThemeName };
     return PALETTE[theme][lines[line]?.stroke.colour ?? 0] ?? '#888888';
@@ -162,7 +171,7 @@ export class Plot {
       legend: { show: false },
       padding: [10, 12, 0, 0],
       scales: {
-        x: { time: false, range: (_chart, low, high) => this.#state?.range ?? widened(low, high) },
+        x: { time: false, range: () => this.#range() },
         y: { distr: state?.logarithmic ? 3 : 1 },
       },
       axes: [
