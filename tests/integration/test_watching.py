@@ -11,7 +11,7 @@ from bpn.local_run import new_run, private_endpoint
 from bpn.options import config_from
 from bpn.summary import summarize
 from bpn.supervisor import Supervisor, services_of_run
-from bpn_dashboard.hub.topology import Topology, TopologySnapshot
+from bpn_dashboard.hub.topology import Link, Topology, TopologySnapshot
 from bpn_shared import keys
 from bpn_shared.bus.session import Bus
 from bpn_shared.bus.telemetry import TelemetryWatch
