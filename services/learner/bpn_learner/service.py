@@ -66,8 +66,8 @@ def _train(worker: Worker, folder: RunFolder, attempt: int) -> None:
     weights = WeightsPublisher(worker.bus, worker.run)
 
     def publish(released: Weights) -> None:
+        worker.weights.note("published", released)  # before: an edge may load it while we still send
         weights.publish(released)
-        worker.weights.note("published", released)
 
     responders = [
         Responder(worker.bus, keys.config(worker.run), configuration, worker.counters),
