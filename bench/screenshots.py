@@ -33,7 +33,7 @@ SIZE_PX = {"width": 1280, "height": 800}
 COLOURS = 160
 SWEEP = {
     "name": "alpha by nodes",
-    "config": {"task": "reaching", "iterations": 6},
+    "config": {"task": "reaching", "iterations": 5},
     "grid": {"alpha": [0.5, 0.8, 0.95], "nodes": [64, 256]},
     "seeds": [0, 1],
 }
