@@ -1,5 +1,6 @@
 """One `bpn up` with a pool of workers for the whole session, and a Chromium that reports everything."""
 
+import contextlib
 import json
 import queue
 import re
@@ -110,11 +111,19 @@ class Dashboard:
         state: str = self.ask("GET", f"/runs/{run}")["state"]
         return state
 
+    def is_served_by_another(self, than: psutil.Process) -> bool:
+        """Whether the dashboard was started again."""
+        try:
+            return self.server() != than
+        except LookupError:
+            return False
+
     def server(self) -> psutil.Process:
         """The process of the dashboard itself."""
         for child in psutil.Process(self.process.pid).children(recursive=True):
-            if "bpn_dashboard" in child.cmdline():
-                return child
+            with contextlib.suppress(psutil.NoSuchProcess):  # one that ends just now
+                if "bpn_dashboard" in child.cmdline():
+                    return child
         raise LookupError("`bpn up` has no dashboard process")
 
 
