@@ -66,7 +66,8 @@ def _train(worker: Worker, folder: RunFolder, attempt: int) -> None:
     weights = WeightsPublisher(worker.bus, worker.run)
 
     def publish(released: Weights) -> None:
-        worker.weights.note("published", released)  # before: an edge may load it while we still send
+        # Noted before it is sent: an edge may have loaded it while we still send.
+        worker.weights.note("published", released)
         weights.publish(released)
 
     responders = [
