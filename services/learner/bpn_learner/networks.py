@@ -22,11 +22,18 @@ LATENT_INITIAL = 0.1  # small against the clip at 1: early on, signs are free to
 
 
 class PNetwork(nn.Module):
-    """Action preferences P(s, .): pixels float32[B, C, 84, 84] of 0..255 to float32[B, |A|]."""
+    """Action preferences P(s, .): pixels float32[B, C, 84, 84] of 0..255 to float32[B, |A|].
+
+    Attributes:
+        offset: float64[], what all preferences lack alike, see `update.targets`; no policy depends on it.
+    """
+
+    offset: Tensor
 
     def __init__(self, spec: NetworkSpec) -> None:
         super().__init__()
         self.spec = spec
+        self.register_buffer("offset", torch.zeros((), dtype=torch.float64))
 
     def clip_latent_weights(self) -> None:
         """What every optimizer step is followed by; nothing where no weight is binarized."""
