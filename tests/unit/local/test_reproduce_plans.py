@@ -63,7 +63,8 @@ def test_targets_share_runs() -> None:
     tracking = {config_hash(config) for config in plan("tracking")}
     assert {config_hash(config) for config in plan("latency")} <= tracking
     # the three N that heat map and curves have in common, at the preset's alpha
-    assert len(tracking & {config_hash(config) for config in plan("heatmap")}) == 3 * 5
+    reaching = {config_hash(config) for config in plan("reaching")}
+    assert len(reaching & {config_hash(config) for config in plan("heatmap")}) == 3 * 5
 
 
 @pytest.mark.parametrize("name", TARGETS)
@@ -73,6 +74,13 @@ def test_quick_runs_are_tiny_and_never_those_of_the_real_thing(name: str) -> Non
     assert all(config.iterations * config.episodes * config.steps <= 100 for config in quick)
     real = {config_hash(config) for config in plan(name)}
     assert real.isdisjoint(config_hash(config) for config in quick)
+
+
+def test_iterations_are_the_presets_unless_given() -> None:
+    for name in set(TARGETS) - {"inference"}:
+        configs = TARGETS[name].plan(Scope(1, TARGETS[name].algorithms, iterations=7))
+        assert {config.iterations for config in configs} == {7}
+        assert 7 not in {config.iterations for config in plan(name)}
 
 
 def test_fewer_algorithms_are_fewer_runs() -> None:

@@ -37,6 +37,9 @@ def add(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> No
         help="some of the target's N, where it compares several (default all)",
     )
     parser.add_argument(
+        "--iterations", type=int, help="shorter or longer runs than the task's preset has them"
+    )
+    parser.add_argument(
         "--quick", action="store_true", help="a tiny version, to see that everything works"
     )
     parser.add_argument(
@@ -53,7 +56,7 @@ def add(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> No
 
 def run(options: argparse.Namespace) -> int:
     """Makes the target; exit status 130 if interrupted."""
-    for name in ("seeds", "jobs"):
+    for name in ("seeds", "jobs", "iterations"):
         value = getattr(options, name)
         if value is not None and value < 1:
             raise ConfigError(f"--{name} = {value} must be at least 1")
@@ -64,6 +67,7 @@ def run(options: argparse.Namespace) -> int:
             seeds=options.seeds,
             algorithms=None if options.algorithms is None else options.algorithms.split(","),
             nodes=None if options.nodes is None else _integers(options.nodes),
+            iterations=options.iterations,
             quick=options.quick,
             jobs=options.jobs,
             out_dir=options.out or (options.runs_dir / "quick" if options.quick else _RESULTS),
@@ -85,7 +89,7 @@ def _integers(text: str) -> list[int]:
 def _command(options: argparse.Namespace) -> str:
     """What to type to get the same."""
     words = ["bpn", "reproduce", options.target]
-    for name in ("seeds", "jobs", "algorithms", "nodes"):
+    for name in ("seeds", "jobs", "algorithms", "nodes", "iterations"):
         value = getattr(options, name)
         words += [] if value is None else [f"--{name}", str(value)]
     return shlex.join([*words, *(["--quick"] if options.quick else [])])

@@ -29,6 +29,7 @@ class Scope:
         seeds: runs of each configuration, with seeds 0, 1, ...
         algorithms: those to compare; a target leaves out what it has no use for.
         nodes: N of binary networks, where a target compares several; None: all of the target's.
+        iterations: of every run; None: the preset's.
         quick: a tiny version through every part, whose numbers mean nothing.
     """
 
@@ -36,6 +37,7 @@ class Scope:
     algorithms: Sequence[str]
     quick: bool = False
     nodes: Sequence[int] | None = None
+    iterations: int | None = None
 
     def sizes(self, offered: Sequence[int]) -> list[int]:
         """Those of the target's N that are wanted.
@@ -50,6 +52,8 @@ class Scope:
 
     def config(self, task: str, **changes: Any) -> RunConfig:
         """The task's preset with these changes; in quick scope a run of seconds."""
+        if self.iterations is not None:
+            changes["iterations"] = self.iterations
         return RunConfig.for_task(task, **changes | (_QUICK if self.quick else {}))
 
 

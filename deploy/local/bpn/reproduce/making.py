@@ -23,6 +23,7 @@ def make(
     seeds: int | None,
     algorithms: Sequence[str] | None,
     nodes: Sequence[int] | None,
+    iterations: int | None,
     quick: bool,
     jobs: int,
     out_dir: Path,
@@ -44,6 +45,7 @@ def make(
     scope = Scope(
         seeds=seeds or (_QUICK_SEEDS if quick else _SEEDS),
         algorithms=_chosen(target, algorithms),
+        iterations=iterations,
         quick=quick,
         nodes=nodes,
     )
