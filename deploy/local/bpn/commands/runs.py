@@ -19,8 +19,7 @@ _LIMIT = 200
 Action = Callable[[argparse.Namespace, Dashboard], Any]
 
 
-def add(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
-    parser = subparsers.add_parser("runs", help="list, start and stop runs", description=__doc__)
+def add_options(parser: argparse.ArgumentParser) -> None:
     actions = parser.add_subparsers(required=True, metavar="ACTION")
 
     listing = _action(actions, "ls", _list, "list runs, newest first")

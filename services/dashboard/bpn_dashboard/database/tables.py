@@ -97,5 +97,5 @@ class AuditRow(Base):
     actor: Mapped[str]
     action: Mapped[str]
     subject: Mapped[str] = mapped_column(index=True)
-    """The id of the run or sweep."""
+    """The id of the run, sweep or token."""
     detail: Mapped[dict[str, Any]]
