@@ -188,7 +188,7 @@ def pictures_of_many(visit: Visit) -> None:
     states = lambda: visit.ask("GET", f"/sweeps/{sweep}")["states"]  # noqa: E731
     visit.wait(lambda: states().get("finished", 0) >= 5, "the first runs of the sweep")
     visit.open("?page=runs&columns=name,state,algorithm,seed,config.alpha,config.nodes,"
-               "iteration,return_px_last,return_px_best,updated")  # fmt: skip
+               "iteration,return_last,return_best,updated")  # fmt: skip
     expect(page.get_by_role("region", name="Runs").get_by_role("rowheader")).to_have_count(13)
     visit.take("runs")
     page.get_by_role("button", name="Start run").click()

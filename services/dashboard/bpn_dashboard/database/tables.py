@@ -72,9 +72,10 @@ class RunRow(Base):
     """Iterations done."""
     iterations: Mapped[int]
     weights_version: Mapped[int | None]
-    return_px_last: Mapped[float | None]
-    return_px_best: Mapped[float | None]
-    return_px_mean_last_5: Mapped[float | None]
+    return_last: Mapped[float | None]
+    """Mean return of the newest iteration, as of the next two in the unit of the run's return metric."""
+    return_best: Mapped[float | None]
+    return_mean_last_5: Mapped[float | None]
     length_last: Mapped[float | None]
     error: Mapped[str]
 

@@ -20,8 +20,8 @@ SORT_KEYS: dict[str, InstrumentedAttribute[Any]] = {
     column.key: column
     for column in (
         RunRow.created_at, RunRow.updated_at, RunRow.name, RunRow.state, RunRow.task,
-        RunRow.algorithm, RunRow.seed, RunRow.iteration, RunRow.return_px_last,
-        RunRow.return_px_best, RunRow.return_px_mean_last_5,
+        RunRow.algorithm, RunRow.seed, RunRow.iteration, RunRow.return_last,
+        RunRow.return_best, RunRow.return_mean_last_5,
     )
 }  # fmt: skip
 
