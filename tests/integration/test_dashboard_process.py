@@ -48,7 +48,7 @@ def dashboard(
                 return bool(found)
 
             wait_for(answers, "the dashboard to answer", DEADLINE_S)
-            with found[0]._http as client:
+            with contextlib.closing(found[0]._http) as client:
                 yield process, client, link
         finally:
             process.kill()

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from pydantic import TypeAdapter, ValidationError
-from sqlalchemy import ColumnElement, Select, String, and_, cast, func, or_, select
+from sqlalchemy import BigInteger, ColumnElement, Select, String, and_, cast, func, or_, select
 from sqlalchemy.orm import InstrumentedAttribute, Session
 
 from bpn_dashboard.database.tables import RunRow
@@ -138,7 +138,7 @@ def _config_is(key: str, text: str) -> ColumnElement[bool]:
 
 _AS_TYPE: dict[type, Callable[[Any], Any]] = {
     bool: lambda stored: stored.as_boolean(),
-    int: lambda stored: stored.as_integer(),
+    int: lambda stored: cast(stored.as_string(), BigInteger),  # seeds need more than 32 bits
     float: lambda stored: stored.as_float(),
     str: lambda stored: stored.as_string(),
 }
