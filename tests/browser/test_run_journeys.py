@@ -105,7 +105,7 @@ def test_play_an_episode(page: Page, dashboard: Any, finished: str) -> None:
     open_run(page, dashboard, finished, "episodes")
     page.get_by_role("button", name="Iteration before").click()
     page.get_by_role("button", name="Episode 2").click()
-    player = page.get_by_role("region", name="Episode 2 of iteration 2")
+    player = page.get_by_role("region", name="Episode 2 of iteration 1")
     step = player.get_by_role("slider", name="Step")
     expect(step).to_have_value("0")
     player.get_by_label("Speed").select_option("4×")

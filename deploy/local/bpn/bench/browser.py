@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from typing import Any
 from urllib.parse import urlencode
 
-from playwright.sync_api import CDPSession, Page, sync_playwright
+from playwright.sync_api import CDPSession, Page, ViewportSize, sync_playwright
 
 from bpn.bench.figures import Figure, results
 from bpn.bench.rest import METRIC, TASK, medians
@@ -33,7 +33,7 @@ TABLE = (
     Figure("table_end_ms", "  from the first row to the last, ms"),
     Figure("table_rows_in_page", "  rows that are in the page", 200.0, digits=0),
 )
-_SIZE_PX = {"width": 1280, "height": 800}
+_SIZE_PX: ViewportSize = {"width": 1280, "height": 800}
 _DEADLINE_MS = 60_000
 _HOVER_S, _SCROLL_S = 2.0, 3.0
 _SCROLL_PX = 60
@@ -127,7 +127,7 @@ def _page(served: Served) -> Iterator[tuple[Page, CDPSession]]:
         raise ConfigError("--parts browser needs Chromium: install the system's package `chromium`")
     with sync_playwright() as playwright:
         chromium = playwright.chromium.launch(executable_path=executable, args=["--no-sandbox"])
-        page = chromium.new_page(viewport=_SIZE_PX)  # type: ignore[arg-type]
+        page = chromium.new_page(viewport=_SIZE_PX)
         page.set_default_timeout(_DEADLINE_MS)
         page.add_init_script(_SCRIPT)
         page.goto(served.link())

@@ -39,12 +39,7 @@ export const COLUMNS: readonly Column[] = [
     text: (run) => `${integer(run.iteration)} of ${integer(run.iterations)}`,
     about: 'policy updates done',
   },
-  measure(
-    'return_last',
-    'Return',
-    (run) => run.summary.returns.last,
-    'of the newest iteration',
-  ),
+  measure('return_last', 'Return', (run) => run.summary.returns.last, 'of the newest iteration'),
   measure('return_best', 'Best return', (run) => run.summary.returns.best, 'of any iteration'),
   measure(
     'return_mean_last_5',

@@ -24,7 +24,10 @@ function aRun(i: number, change: Partial<Run> = {}): Run {
     iteration: i,
     iterations: 50,
     weights_version: i,
-    summary: { returns: { metric: 'return_px', unit: 'px', last: -i, best: -i, mean_last_5: -i }, length: { last: 20 } },
+    summary: {
+      returns: { metric: 'return_px', unit: 'px', last: -i, best: -i, mean_last_5: -i },
+      length: { last: 20 },
+    },
     error: '',
     notes: '',
     tags: [],
