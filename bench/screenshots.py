@@ -186,7 +186,11 @@ def pictures_of_many(visit: Visit) -> None:
     """A sweep: the table of runs while it goes on; curves and heat map of its end; a new run's form."""
     page = visit.page
     sweep = visit.ask("POST", "/sweeps", SWEEP)["id"]
-    states = lambda: visit.ask("GET", f"/sweeps/{sweep}")["states"]  # noqa: E731
+
+    def states() -> dict[str, int]:
+        found: dict[str, int] = visit.ask("GET", f"/sweeps/{sweep}")["states"]
+        return found
+
     visit.wait(lambda: states().get("finished", 0) >= 5, "the first runs of the sweep")
     visit.open("?page=runs&columns=name,state,algorithm,seed,config.alpha,config.nodes,"
                "iteration,return_last,return_best,updated")  # fmt: skip

@@ -82,7 +82,10 @@ def measure_compare(served: Served, sizes: Sizes) -> tuple[list[dict[str, Any]],
             _address(page="compare", task=TASK, metrics=METRIC, stat=s, band=b) for s, b in kinds
         ]
         page.goto(served.url + _address(page="compare", task=TASK, metrics="loss"))
-        open_ms = lambda view: _open_ms(page, served.url + view, "__bench.chart()")  # noqa: E731
+
+        def open_ms(view: str) -> float:
+            return _open_ms(page, served.url + view, "__bench.chart()")
+
         samples = {
             "first_paint_ms": [open_ms(view) for view in views[: sizes.repeats]],
             "first_paint_again_ms": [open_ms(views[0]) for _ in range(sizes.repeats)],

@@ -209,7 +209,7 @@ def measure_deaf_client(
 def _growth(served: Served, run: UUID, seconds: float) -> int:
     """The most that the server's memory grows by while a client reads nothing."""
     before = served.process.memory_info().rss
-    growths = []
+    growths: list[int] = []
     with _deaf(served, run):
         for _ in range(max(1, round(seconds))):
             time.sleep(1.0)
