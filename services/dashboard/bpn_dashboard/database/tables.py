@@ -51,7 +51,7 @@ class RunRow(Base):
 
     __tablename__ = "runs"
     __table_args__ = (
-        Index(None, "created_at", "id"),
+        Index(None, "archived_at", "created_at", "id"),  # what the list of runs shows first
         Index(None, "state"),
         Index(None, "sweep_id"),
     )

@@ -80,11 +80,10 @@ def find_page(
     query: Select[RunRow] = select(RunRow).where(*where)
     if after is not None:
         query = query.where(_behind(key, descending, after))
-    query = query.order_by(
-        key.is_(None),
-        key.desc() if descending else key.asc(),
-        RunRow.id.desc() if descending else RunRow.id.asc(),
-    )
+    # Only where it changes something: with an expression in the order no index can give it.
+    last = [key.is_(None)] if key.property.columns[0].nullable else []
+    columns = (key, RunRow.id)
+    query = query.order_by(*last, *(c.desc() if descending else c.asc() for c in columns))
     rows = list(session.scalars(query.limit(limit + 1)))
     more, rows = len(rows) > limit, rows[:limit]
     return Page(rows, (getattr(rows[-1], sort), rows[-1].id) if more else None, total)
