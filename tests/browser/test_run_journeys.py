@@ -76,6 +76,9 @@ def test_a_line_is_drawn_again_whatever_changes(
     open_run(page, dashboard, finished)
     figure = page.get_by_role("figure", name=re.compile("^Return"))
     expect(figure).to_have_attribute("data-ready", "true")
+    figure.get_by_role("button", name="Colour of Return").click()  # black has no colour to count
+    colours = page.get_by_role("group", name="Colour of Return")
+    colours.get_by_role("button", name="blue", exact=True).click()
 
     def line_pixels() -> int:
         expect(figure).to_have_attribute("data-ready", "true")
