@@ -39,6 +39,7 @@ lint: $(INSTALLED) ## ruff, mypy --strict, import-linter; prettier, svelte-check
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy -p bpn_shared -p bpn_edge -p bpn_learner -p bpn_robot_sim -p bpn_dashboard -p bpn_certificates -p bpn
+	$(BIN)/mypy bench
 	$(BIN)/lint-imports --no-logo
 	$(BIN)/python services/dashboard/hatch_build.py check test
 

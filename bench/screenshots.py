@@ -21,15 +21,16 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from PIL import Image
-from playwright.sync_api import Page, expect, sync_playwright
+from playwright.sync_api import Page, ViewportSize, expect, sync_playwright
 
 PICTURES = Path(__file__).resolve().parents[1] / "docs" / "dashboard"
 NEWCOMER_S = 60.0
 DEADLINE_S = 300.0
-SIZE_PX = {"width": 1280, "height": 800}
+SIZE_PX: ViewportSize = {"width": 1280, "height": 800}
+THEMES: tuple[Literal["light"], Literal["dark"]] = ("light", "dark")
 COLOURS = 160
 SWEEP = {
     "name": "alpha by nodes",
@@ -94,7 +95,7 @@ class Visit:
     def open(self, query: str) -> None:
         self.page.goto(self.url + query)
 
-    def ask(self, method: str, path: str, body: object = None) -> Any:
+    def ask(self, method: str, path: str, body: Any = None) -> Any:
         """Calls the REST interface."""
         token = json.loads((self.runs_dir / ".dashboard.json").read_bytes())["token"]
         answer = self.page.request.fetch(
@@ -109,7 +110,7 @@ class Visit:
 
     def take(self, name: str) -> None:
         """The page as it is, in both themes."""
-        for theme in ("light", "dark"):
+        for theme in THEMES:
             self.page.emulate_media(color_scheme=theme)
             self.page.wait_for_function(
                 "theme => document.documentElement.dataset.theme === theme", arg=theme
@@ -185,10 +186,14 @@ def pictures_of_many(visit: Visit) -> None:
     """A sweep: the table of runs while it goes on; curves and heat map of its end; a new run's form."""
     page = visit.page
     sweep = visit.ask("POST", "/sweeps", SWEEP)["id"]
-    states = lambda: visit.ask("GET", f"/sweeps/{sweep}")["states"]  # noqa: E731
+
+    def states() -> dict[str, int]:
+        found: dict[str, int] = visit.ask("GET", f"/sweeps/{sweep}")["states"]
+        return found
+
     visit.wait(lambda: states().get("finished", 0) >= 5, "the first runs of the sweep")
     visit.open("?page=runs&columns=name,state,algorithm,seed,config.alpha,config.nodes,"
-               "iteration,return_px_last,return_px_best,updated")  # fmt: skip
+               "iteration,return_last,return_best,updated")  # fmt: skip
     expect(page.get_by_role("region", name="Runs").get_by_role("rowheader")).to_have_count(13)
     visit.take("runs")
     page.get_by_role("button", name="Start run").click()

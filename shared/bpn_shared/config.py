@@ -6,6 +6,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_valida
 
 from bpn_shared.algorithms import ALGORITHMS, KERNELS, Algorithm, AlgorithmName, implied
 from bpn_shared.bnn.spec import MAX_ACTIONS, MAX_CHANNELS, MAX_NODES, NetworkSpec
+from bpn_shared.errors import InputError
 from bpn_shared.tasks import TASKS, Task, check_task_name, gym_task, is_gym
 
 Pacing = Literal["lockstep", "realtime"]
@@ -19,7 +20,7 @@ MAX_STEPS = 1000
 MAX_ACTION_DELAY_MS = 2000.0
 
 
-class ConfigError(ValueError):
+class ConfigError(InputError):
     """A configuration value is wrong; the message names the value, its range and where it came from."""
 
 

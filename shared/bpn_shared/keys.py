@@ -74,6 +74,12 @@ def live(kind: str, worker: str) -> str:
     return f"bpn/live/{kind}/{worker}"
 
 
+def worker_of(token: str) -> tuple[str, str]:
+    """Kind and id of the worker that a key of `live` stands for."""
+    *_, kind, worker = token.split("/")
+    return kind, worker
+
+
 def lease_request() -> str:
     """Where the registry gives idle workers work."""
     return "bpn/registry/lease"

@@ -8,6 +8,8 @@ from bpn_shared.bnn.spec import IMAGE_SIZE_PX, MAX_CHANNELS, NetworkSpec
 
 CONTROL_PERIOD_S = 0.145
 """The paper's Table II."""
+RETURN_PX, RETURN = "return_px", "return"
+"""Mean return of an iteration: in pixels, or of a gym: task in its environment's unit."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,7 +41,7 @@ class Task:
     @property
     def return_metric(self) -> str:
         """Name of the mean return in metrics: `return_px`, or `return` where its unit is the environment's."""
-        return "return_px" if self.rewards == "pixels" else "return"
+        return RETURN_PX if self.rewards == "pixels" else RETURN
 
     @property
     def return_unit(self) -> str:
@@ -109,6 +111,11 @@ _GYM_NAME = re.compile(r"gym:([\w.-]+/)?[\w.-]+")
 def is_gym(name: str) -> bool:
     """Whether the task is a Gymnasium environment outside of this project."""
     return name.startswith(GYM_PREFIX)
+
+
+def return_metric(name: str) -> str:
+    """`Task.return_metric` of the task of that name."""
+    return RETURN if is_gym(name) else RETURN_PX
 
 
 def check_task_name(name: str) -> None:

@@ -121,7 +121,7 @@ def test_everything_by_keyboard_alone(page: Page, finished: str) -> None:
     expect(page.get_by_role("heading", name="finished run", level=1)).to_be_visible()
     assert finished in page.url
     keyboard.press("3")
-    player = page.get_by_role("region", name="Episode 0 of iteration 3")
+    player = page.get_by_role("region", name="Episode 0 of iteration 2")
     expect(player.get_by_role("slider", name="Step")).to_have_value("0")
     keyboard.press(".")
     keyboard.press(".")

@@ -18,13 +18,20 @@ def test_compare_two_runs(page: Page, dashboard: Any, wait_for: Any) -> None:
     expect(page.get_by_role("heading", name="Compare", level=1)).to_be_visible()
     figure = page.get_by_role("figure", name=re.compile("^Return"))
     expect(figure).to_have_attribute("data-ready", "true")
-    expect(figure.get_by_role("button", name=re.compile("finished run"))).to_be_visible()
-    expect(figure.get_by_role("button", name=re.compile("other seed"))).to_be_visible()
+    expect(figure.get_by_role("button", name=re.compile("^finished run"))).to_be_visible()
+    expect(figure.get_by_role("button", name=re.compile("^other seed"))).to_be_visible()
+    stroke = figure.get_by_role("button", name="Colour of other seed")
+    colour = page.get_by_role("group", name="Colour of other seed").get_by_role("button")
+    for name in ("pink", "green"):  # whichever it had, it has the last one now
+        stroke.click()
+        colour.and_(page.get_by_label(name, exact=True)).click()
+    green = stroke.locator("path").get_attribute("stroke")
     shared = page.url
     page.get_by_role("navigation", name="Views").get_by_role("link", name="Configuration").click()
     expect(page.get_by_role("row", name=re.compile("^seed"))).to_contain_text("7")
-    page.goto(shared)  # a link shows what was shown
-    expect(figure.get_by_role("button", name=re.compile("other seed"))).to_be_visible()
+    page.goto(shared)  # a link shows what was shown, in the colours that were chosen
+    expect(stroke.locator("path")).to_have_attribute("stroke", str(green))
+    expect(figure.get_by_role("button", name=re.compile("^other seed"))).to_be_visible()
 
 
 def test_the_heat_map_of_a_sweep_leads_to_its_runs(

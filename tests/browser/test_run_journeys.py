@@ -76,6 +76,9 @@ def test_a_line_is_drawn_again_whatever_changes(
     open_run(page, dashboard, finished)
     figure = page.get_by_role("figure", name=re.compile("^Return"))
     expect(figure).to_have_attribute("data-ready", "true")
+    figure.get_by_role("button", name="Colour of Return").click()  # black has no colour to count
+    colours = page.get_by_role("group", name="Colour of Return")
+    colours.get_by_role("button", name="blue", exact=True).click()
 
     def line_pixels() -> int:
         expect(figure).to_have_attribute("data-ready", "true")
@@ -105,7 +108,7 @@ def test_play_an_episode(page: Page, dashboard: Any, finished: str) -> None:
     open_run(page, dashboard, finished, "episodes")
     page.get_by_role("button", name="Iteration before").click()
     page.get_by_role("button", name="Episode 2").click()
-    player = page.get_by_role("region", name="Episode 2 of iteration 2")
+    player = page.get_by_role("region", name="Episode 2 of iteration 1")
     step = player.get_by_role("slider", name="Step")
     expect(step).to_have_value("0")
     player.get_by_label("Speed").select_option("4×")

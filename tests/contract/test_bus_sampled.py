@@ -3,11 +3,11 @@ import time
 from collections.abc import Callable
 
 from bpn_shared import keys
-from bpn_shared.bus.liveliness import AliveToken
+from bpn_shared.bus.liveliness import AliveToken, TokenWatch
 from bpn_shared.bus.sampled import SampledPublisher
 from bpn_shared.bus.session import Bus
 from bpn_shared.bus.telemetry import TelemetryPublisher, TelemetryWatch
-from bpn_shared.bus.watch import Watch, WatchAlive
+from bpn_shared.bus.watch import Watch
 from bpn_shared.messages.telemetry import Telemetry
 from bpn_shared.service import Counters, Waiting
 from bpn_shared.telemetry import Latencies, Reporter, WeightsMarks
@@ -97,15 +97,20 @@ def test_telemetry_of_every_service_reaches_the_watcher(
 
 
 def test_tokens_of_every_kind_are_seen_come_and_go(open_bus: OpenBus, wait_for: WaitFor) -> None:
-    changes: list[tuple[str, str, bool]] = []
+    changes: list[tuple[str, bool]] = []
     early = open_bus()
     token = AliveToken(early, "edge", "edge-1")
-    watch = WatchAlive(open_bus(), keys.live("*", "*"), lambda *change: changes.append(change))
-    wait_for(lambda: changes == [("edge", "edge-1", True)], "the token that was there before")
+    watch = TokenWatch(open_bus(), keys.live("*", "*"), lambda *change: changes.append(change))
+    wait_for(
+        lambda: changes == [(keys.live("edge", "edge-1"), True)], "the token that was there before"
+    )
     late = open_bus()
     other = AliveToken(late, "learner", "learner-1")
-    wait_for(lambda: changes[1:] == [("learner", "learner-1", True)], "the token that came later")
+    wait_for(
+        lambda: changes[1:] == [(keys.live("learner", "learner-1"), True)],
+        "the token that came later",
+    )
     late.close()
-    wait_for(lambda: changes[2:] == [("learner", "learner-1", False)], "the token to go")
+    wait_for(lambda: changes[2:] == [(keys.live("learner", "learner-1"), False)], "the token to go")
     del token, other
     watch.close()

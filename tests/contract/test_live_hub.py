@@ -23,6 +23,7 @@ from bpn_dashboard.access.guard import Guard
 from bpn_dashboard.hub import topics, websocket
 from bpn_dashboard.hub.hub import Hub
 from bpn_dashboard.hub.protocol import CREDIT, LiveFrame
+from bpn_dashboard.hub.topology import Topology
 from bpn_dashboard.hub.websocket import PATH, UVICORN_OPTIONS, live_route
 from bpn_shared import keys
 from bpn_shared.bus.latest import LatestPublisher
@@ -64,7 +65,7 @@ def server(open_bus: OpenBus, tmp_path: Path, wait_for: WaitFor) -> Iterator[Ser
 
     @contextlib.asynccontextmanager
     async def lifespan(_app: FastAPI) -> AsyncIterator[None]:
-        made.hub = Hub(bus, tmp_path, made.counters, "dashboard-1")
+        made.hub = Hub(bus, tmp_path, made.counters, "dashboard-1", Topology())
         yield
         made.hub.close()
 

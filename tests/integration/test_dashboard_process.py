@@ -4,6 +4,7 @@ import contextlib
 import json
 import os
 import signal
+import ssl
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -15,6 +16,8 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 
 from bpn.cli import main
+from bpn.dashboard import Dashboard
+from bpn_certificates.authority import Validity, issue, new_authority
 from bpn_dashboard.service import ADDRESS_FILE
 from bpn_shared.config import RunConfig
 from bpn_shared.run_folder import RunFolder
@@ -26,7 +29,10 @@ DEADLINE_S = 60.0
 def dashboard(
     runs_dir: Path, wait_for, *options: str
 ) -> Iterator[tuple[subprocess.Popen[str], httpx.Client, str]]:
-    """A dashboard without a message bus, a client with its token, and the one-time token that it printed."""
+    """A dashboard, a client with its token, and the one-time token that it printed.
+
+    Unless the options name a router, it has no message bus.
+    """
     with subprocess.Popen(
         [sys.executable, "-m", "bpn_dashboard", "--runs-dir", str(runs_dir), "--port", "0",
          "--connect", f"unixsock-stream/{runs_dir}/no-router", *options],
@@ -35,16 +41,14 @@ def dashboard(
         try:
             assert process.stdout is not None
             link = process.stdout.readline().strip().partition("#token=")[2]
-            address = json.loads((runs_dir / ADDRESS_FILE).read_bytes())
-            headers = {"Authorization": f"Bearer {address['token']}"}
-            with httpx.Client(base_url=address["url"], headers=headers, timeout=30) as client:
+            found: list[Dashboard] = []
 
-                def ready() -> bool:
-                    with contextlib.suppress(httpx.HTTPError):
-                        return client.get("/readyz").is_success
-                    return False
+            def answers() -> bool:
+                found[:] = filter(None, [Dashboard.find(runs_dir)])
+                return bool(found)
 
-                wait_for(ready, "the dashboard to be ready", DEADLINE_S)
+            wait_for(answers, "the dashboard to answer", DEADLINE_S)
+            with contextlib.closing(found[0]._http) as client:
                 yield process, client, link
         finally:
             process.kill()
@@ -152,3 +156,59 @@ def test_it_refuses_to_listen_beyond_loopback(tmp_path) -> None:
     )  # fmt: skip
     assert refused.returncode == 2
     assert "--insecure-http" in refused.stderr
+
+
+def test_it_is_ready_while_workers_can_be_given_work(
+    tmp_path, wait_for, free_tcp_endpoint, running_router
+) -> None:
+    with dashboard(tmp_path, wait_for, "--connect", free_tcp_endpoint) as (_, client, _link):
+
+        def obstacle() -> str:
+            answer = client.get("/readyz")
+            return "" if answer.status_code == 200 else answer.json()["detail"]
+
+        assert "not reached yet" in obstacle()
+        with running_router(free_tcp_endpoint):
+            wait_for(lambda: not obstacle(), "the dashboard to be ready", DEADLINE_S)
+        wait_for(lambda: "is lost" in obstacle(), "the lost router to be told", DEADLINE_S)
+        assert client.get("/healthz").is_success  # its pages are served all the same
+
+
+def test_over_tls_pages_commands_and_the_live_view_work_with_a_self_made_certificate(
+    tmp_path, wait_for, capsys
+) -> None:
+    validity = Validity.of_days(1)
+    authority = new_authority("own", validity)
+    own = issue(authority, "dashboard", validity, server_names=["127.0.0.1"])
+    certificate, key = tmp_path / "certificate.pem", tmp_path / "key.pem"
+    certificate.write_bytes(own.certificate_pem())
+    key.write_bytes(own.key_pem())
+    options = ("--certificate", str(certificate), "--key", str(key))
+    with dashboard(tmp_path, wait_for, *options) as (_, client, link):
+        base = str(client.base_url).rstrip("/")
+        assert base.startswith("https://127.0.0.1:")
+        assert main(["runs", "ls", "--json", "--runs-dir", str(tmp_path)]) == 0
+        assert json.loads(capsys.readouterr().out) == []
+        with pytest.raises(httpx.ConnectError, match="CERTIFICATE_VERIFY_FAILED"):
+            httpx.get(base)  # nobody vouches for it
+        with pytest.raises(httpx.HTTPError):
+            httpx.get(base.replace("https", "http"))
+
+        trust = ssl.create_default_context(cadata=authority.certificate_pem().decode())
+        browser = httpx.Client(base_url=base, verify=trust, headers={"Origin": base})
+        with browser:
+            answer = browser.post("/api/v1/session", json={"token": link})
+            cookie = answer.headers["set-cookie"]
+            assert cookie.startswith("__Host-bpn_session=")
+            assert "Secure" in cookie
+            assert browser.get("/").is_success
+            assert browser.get("/api/v1/session").json()["role"] == "admin"
+        with connect(
+            base.replace("https", "wss") + "/api/v1/live",
+            origin=base,
+            ssl=trust,
+            additional_headers={"Cookie": cookie.partition(";")[0]},
+        ) as socket:
+            with pytest.raises(ConnectionClosed):
+                socket.recv(DEADLINE_S)
+            assert socket.close_code == 4503  # logged in, and there is no bus

@@ -6,16 +6,17 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bpn.cli import build_parser
+from bpn.cli import parse
 from bpn.local_run import new_run, private_endpoint
 from bpn.options import config_from
 from bpn.summary import summarize
 from bpn.supervisor import Supervisor, services_of_run
 from bpn_dashboard.hub.topology import Link, Topology, TopologySnapshot
 from bpn_shared import keys
+from bpn_shared.bus.liveliness import TokenWatch
 from bpn_shared.bus.session import Bus
 from bpn_shared.bus.telemetry import TelemetryWatch
-from bpn_shared.bus.watch import Watch, WatchAlive
+from bpn_shared.bus.watch import Watch
 from bpn_shared.messages.decision import Decision
 from bpn_shared.messages.preview import PreviewHeader, check_pixels
 from bpn_shared.service import Counters
@@ -26,7 +27,7 @@ def watched(
     small: list[str], tmp_path_factory: pytest.TempPathFactory
 ) -> tuple[dict[str, Any], dict[str, Any]]:
     """The run's summary, and what was seen of it."""
-    options = build_parser().parse_args(["train", "reaching", "--seed", "5", *small])
+    options = parse(["train", "reaching", "--seed", "5", *small])
     folder = new_run(tmp_path_factory.mktemp("runs"), config_from(options))
     endpoint, counters, topology = private_endpoint(), Counters(), Topology()
     seen: dict[str, Any] = {"previews": [], "decisions": [], "snapshots": [], "counters": counters}
@@ -46,7 +47,7 @@ def watched(
                 Watch(bus, keys.preview(folder.run, 0), lambda *m: seen["previews"].append(m)),
                 Watch(bus, keys.decision(folder.run, 0), lambda *m: seen["decisions"].append(m)),
                 TelemetryWatch(bus, topology.hear, counters),
-                WatchAlive(bus, keys.live("*", "*"), topology.token),
+                TokenWatch(bus, keys.live("*", "*"), topology.token),
             ]
             looking.start()
             supervisor.wait("learner", threading.Event())

@@ -1,42 +1,67 @@
-"""The `bpn` command."""
+"""The `bpn` command.
+
+A command's module, and what it needs (torch, a web server), is loaded only when that command is given: the others
+begin at once.
+"""
 
 import argparse
+import importlib
 import logging
 import sys
+from collections.abc import Sequence
+from typing import NamedTuple
 
-from bpn.commands import bench, dashboard, doctor, evaluate, reproduce, runs, train, up
-from bpn.dashboard import DashboardAwayError, DashboardError
-from bpn.local_run import RunFailedError
-from bpn_shared.bnn.blob import BlobError
-from bpn_shared.config import ConfigError
-
-log = logging.getLogger("bpn")
+from bpn.errors import CommandError
+from bpn_shared.errors import InputError
 
 
-def build_parser() -> argparse.ArgumentParser:
-    """All commands with their options."""
+class Command(NamedTuple):
+    """Where a command is, and what it does in a few words."""
+
+    module: str
+    help: str
+
+
+COMMANDS = {
+    "up": Command("up", "start the dashboard and workers"),
+    "train": Command("train", "train a policy"),
+    "runs": Command("runs", "list, start and stop runs"),
+    "eval": Command("evaluate", "play a trained policy"),
+    "reproduce": Command("reproduce", "make a figure or table of the paper"),
+    "dashboard": Command("dashboard", "care of the dashboard's database"),
+    "bench": Command("bench", "measure kernel, learner, loop or dashboard"),
+    "doctor": Command("doctor", "check this machine"),
+}
+
+
+def parse(arguments: Sequence[str]) -> argparse.Namespace:
+    """The options of the command that the arguments name; `run` is what does it."""
     parser = argparse.ArgumentParser(
         prog="bpn", description="Reinforcement learning of robot control with binarized networks."
     )
     subparsers = parser.add_subparsers(required=True, metavar="COMMAND")
-    for command in (up, train, runs, evaluate, reproduce, dashboard, bench, doctor):
-        command.add(subparsers)
-    return parser
+    for name, command in COMMANDS.items():
+        own = subparsers.add_parser(name, help=command.help)
+        if name in arguments[:1]:
+            module = importlib.import_module(f"bpn.commands.{command.module}")
+            own.description = module.__doc__
+            module.add_options(own)
+    return parser.parse_args(arguments)
 
 
-def main(argv: list[str] | None = None) -> int:
+def main(argv: Sequence[str] | None = None) -> int:
     """Runs one command. Exit status: 0 done, 1 failed, 2 wrong input, 130 interrupted."""
     logging.basicConfig(
         level=logging.WARNING, format="%(levelname)s %(message)s", stream=sys.stderr
     )
-    options = build_parser().parse_args(argv)
+    options = parse(sys.argv[1:] if argv is None else argv)
     try:
         status: int = options.run(options)
         return status
-    except (ConfigError, BlobError) as error:
+    except InputError as error:
         print(f"bpn: {error}", file=sys.stderr)
         return 2
-    except (RunFailedError, DashboardError, DashboardAwayError) as error:
+    except CommandError as error:
         print(f"bpn: {error}", file=sys.stderr)
         return 1
     except KeyboardInterrupt:

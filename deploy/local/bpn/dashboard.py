@@ -1,12 +1,14 @@
 """The dashboard as the `bpn` command uses it: found by the file that it leaves in the runs folder."""
 
 import json
+import ssl
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, Self
 
 import httpx
 
+from bpn.errors import CommandError
 from bpn_shared.config import ConfigError
 
 ADDRESS_FILE = ".dashboard.json"
@@ -14,7 +16,7 @@ _TIMEOUT_S = 10.0
 _FIND_TIMEOUT_S = 2.0
 
 
-class DashboardError(RuntimeError):
+class DashboardError(CommandError):
     """The dashboard refused; the message is its reason, `status` the one of HTTP."""
 
     def __init__(self, reason: str, status: int) -> None:
@@ -22,22 +24,28 @@ class DashboardError(RuntimeError):
         self.status = status
 
 
-class DashboardAwayError(RuntimeError):
+class DashboardAwayError(CommandError):
     """The dashboard does not answer now."""
 
 
 class Dashboard:
     """REST calls to a dashboard that runs.
 
+    Args:
+        certificate: file with the one that it shows; None: it speaks plain HTTP.
+
     Attributes:
         url: where browsers reach it.
         endpoint: of the router that it and its workers use.
     """
 
-    def __init__(self, url: str, token: str, endpoint: str) -> None:
+    def __init__(self, url: str, token: str, endpoint: str, certificate: str | None) -> None:
         self.url, self.endpoint = url, endpoint
         self._http = httpx.Client(
-            base_url=url, headers={"Authorization": f"Bearer {token}"}, timeout=_TIMEOUT_S
+            base_url=url,
+            headers={"Authorization": f"Bearer {token}"},
+            timeout=_TIMEOUT_S,
+            verify=_trust(certificate),
         )
 
     @classmethod
@@ -45,8 +53,10 @@ class Dashboard:
         """The dashboard of a runs folder; None if none runs."""
         try:
             address = json.loads((runs_dir / ADDRESS_FILE).read_bytes())
-            httpx.get(f"{address['url']}/healthz", timeout=_FIND_TIMEOUT_S).raise_for_status()
-            return cls(address["url"], address["token"], address["endpoint"])
+            certificate = address.get("certificate")
+            found = cls(address["url"], address["token"], address["endpoint"], certificate)
+            found._http.get("/healthz", timeout=_FIND_TIMEOUT_S).raise_for_status()
+            return found
         except (OSError, ValueError, KeyError, httpx.HTTPError):
             return None
 
@@ -155,3 +165,12 @@ class Dashboard:
         if response.status_code in (400, 422):
             return ConfigError(reason)
         return DashboardError(reason, response.status_code)
+
+
+def _trust(certificate: str | None) -> ssl.SSLContext | bool:
+    """Trusts that certificate itself, whoever signed it: it may be self-made."""
+    if certificate is None:
+        return True
+    context = ssl.create_default_context(cafile=certificate)
+    context.verify_flags |= ssl.VERIFY_X509_PARTIAL_CHAIN
+    return context

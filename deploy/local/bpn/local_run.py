@@ -17,6 +17,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from bpn.dashboard import Dashboard, DashboardAwayError
+from bpn.errors import CommandError
 from bpn.supervisor import Supervisor, services_of_run
 from bpn_shared.bus.metrics import MetricsSubscriber
 from bpn_shared.bus.session import Bus
@@ -33,7 +34,7 @@ _STOP_S = 10.0
 _AWAY_S = 60.0
 
 
-class RunFailedError(RuntimeError):
+class RunFailedError(CommandError):
     """The run cannot go on; the message says which service failed and where its log is."""
 
 

@@ -6,13 +6,13 @@ import json
 import logging
 import os
 import socket
+import ssl
 import sys
 import threading
 from collections.abc import AsyncIterator, Iterator, Sequence
 from contextlib import ExitStack, asynccontextmanager, contextmanager, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import uvicorn
 from fastapi import FastAPI
@@ -28,6 +28,7 @@ from bpn_dashboard.database.engine import Database, DatabaseError, sqlite_url
 from bpn_dashboard.database.tables import RunRow
 from bpn_dashboard.hub import presence
 from bpn_dashboard.hub.hub import Hub
+from bpn_dashboard.hub.topology import Topology
 from bpn_dashboard.hub.websocket import UVICORN_OPTIONS, live_route
 from bpn_dashboard.registry.dispatcher import Dispatcher
 from bpn_dashboard.registry.store import RunStore
@@ -108,9 +109,8 @@ def check_options(options: argparse.Namespace) -> None:
     """
     if (options.certificate is None) != (options.key is None):
         raise ConfigError("--certificate and --key belong together")
-    for path in (options.certificate, options.key):
-        if path is not None and not path.is_file():
-            raise ConfigError(f"{path}: there is no such file")
+    if options.certificate is not None:
+        _check_certificate(options.certificate, options.key)
     secure = options.certificate is not None or options.insecure_http
     if not is_loopback(options.host) and not secure:
         raise ConfigError(
@@ -119,17 +119,34 @@ def check_options(options: argparse.Namespace) -> None:
         )
 
 
+def _check_certificate(certificate: Path, key: Path) -> None:
+    for path in (certificate, key):
+        if not path.is_file():
+            raise ConfigError(f"{path}: there is no such file")
+    try:
+        ssl.create_default_context(ssl.Purpose.CLIENT_AUTH).load_cert_chain(certificate, key)
+    except OSError as error:  # ssl.SSLError is one
+        raise ConfigError(
+            f"--certificate {certificate} --key {key} are no PEM certificate with its key: {error}"
+        ) from error
+
+
 @dataclass
 class Live:
     """The parts that need the message bus, which may not be reachable yet."""
 
+    bus: Bus | None = None
     hub: Hub | None = None
+    dispatcher: Dispatcher | None = None
+    topology: Topology = field(default_factory=Topology)
 
-    def topology(self) -> dict[str, Any]:
-        """Who is alive; nobody is known without the bus."""
-        if self.hub is None:
-            return {"nodes": [], "links": []}
-        return self.hub.topology.snapshot().model_dump()
+    def obstacle(self) -> str | None:
+        """What keeps workers from being given work; None: nothing."""
+        if self.bus is None or self.dispatcher is None:
+            return "the message bus is not reached yet"
+        if not self.bus.connected:
+            return f"the connection to the router at {self.bus.endpoint} is lost"
+        return None if self.dispatcher.alive else "the registry does not serve workers"
 
 
 def build(options: argparse.Namespace, database: Database) -> tuple[Application, Context]:
@@ -141,7 +158,8 @@ def build(options: argparse.Namespace, database: Database) -> tuple[Application,
         runs=runs,
         ingest=Ingest(options.runs_dir, database, counters),
         counters=counters,
-        topology=live.topology,
+        topology=live.topology.snapshot,
+        obstacle=live.obstacle,
         secure=options.certificate is not None,
         open_metrics=options.open_metrics,
     )
@@ -181,7 +199,7 @@ async def _join_bus(
         log.info("%s", error)
         return
     name = new_worker_id(presence.KIND)
-    hub = live.hub = Hub(bus, options.runs_dir, context.counters, name)
+    hub = live.hub = Hub(bus, options.runs_dir, context.counters, name, live.topology)
 
     def publish(rows: Sequence[RunRow]) -> None:
         for row in rows:
@@ -191,6 +209,7 @@ async def _join_bus(
     present = presence.Presence(bus, name, context.counters)
     dispatcher = Dispatcher(bus, context.runs, context.counters)
     await asyncio.to_thread(dispatcher.start)
+    live.bus, live.dispatcher = bus, dispatcher
     await asyncio.to_thread(stop.wait)
     await asyncio.to_thread(dispatcher.close)
     hub.close()
@@ -278,6 +297,8 @@ def _announced(
     row, token = context.tokens.issue("token", "local commands", "operator", lifetime_s=_TOKEN_S)
     issued = [row]
     address = {"url": url, "token": token, "endpoint": options.connect, "pid": os.getpid()}
+    if options.certificate is not None:
+        address["certificate"] = str(options.certificate.absolute())
     if options.metrics_token is not None:
         row, viewer = context.tokens.issue("token", "metrics", "viewer", lifetime_s=_TOKEN_S)
         issued.append(row)

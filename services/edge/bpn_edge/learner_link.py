@@ -18,11 +18,16 @@ class LearnerLink:
     def __init__(self, worker: Worker) -> None:
         self._worker = worker
 
-    def next_episode(self) -> Assignment | None:
-        """What this slot shall play; None if the worker was stopped."""
+    def next_episode(self, weights_version: int | None) -> Assignment | None:
+        """What this slot shall play; None if the worker was stopped.
+
+        Args:
+            weights_version: the newest that is here; None: none.
+        """
         worker = self._worker
-        body = NextEpisode(slot=worker.slot, worker=worker.id).encode()
-        answer = self._insist(keys.next_episode(worker.run), body, _ASK_TIMEOUT_S, "an episode")
+        asked = NextEpisode(slot=worker.slot, worker=worker.id, weights_version=weights_version)
+        key = keys.next_episode(worker.run)
+        answer = self._insist(key, asked.encode(), _ASK_TIMEOUT_S, "an episode")
         return None if answer is None else Assignment.decode(answer)
 
     def deliver(self, episode: Episode) -> None:

@@ -70,6 +70,13 @@ class WeightMemory:
                 log.info("runs weights version %d of attempt %d", offered.version, offered.attempt)
             return self.weights is not None and self.weights.version == version
 
+    @property
+    def newest(self) -> int | None:
+        """The newest version in either bank; None before the first."""
+        with self._changed:
+            newest = self._offered or self.weights
+            return None if newest is None else newest.version
+
     def _holds(self, version: int) -> bool:
         return any(
             weights is not None and weights.version == version

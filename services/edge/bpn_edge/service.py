@@ -61,7 +61,7 @@ def serve(worker: Worker, config: RunConfig) -> int:
         )
         learner = LearnerLink(worker)
         while not worker.stop.is_set():
-            assignment = _ask(learner, worker)
+            assignment = _ask(learner, worker, memory.newest)
             if assignment is None:
                 continue
             if assignment.verdict == "finished":
@@ -85,9 +85,9 @@ def serve(worker: Worker, config: RunConfig) -> int:
     return EXIT_FINISHED
 
 
-def _ask(learner: LearnerLink, worker: Worker) -> Assignment | None:
+def _ask(learner: LearnerLink, worker: Worker, version: int | None) -> Assignment | None:
     try:
-        return learner.next_episode()
+        return learner.next_episode(version)
     except MessageError as error:
         worker.counters.refuse("answers_refused", str(error))
         worker.stop.wait(_POLL_S)

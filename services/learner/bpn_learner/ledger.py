@@ -5,6 +5,7 @@ again. Nothing counts twice: an episode is its (iteration, episode), and the fir
 """
 
 import logging
+import statistics
 import threading
 import time
 from collections.abc import Callable, Container
@@ -52,6 +53,7 @@ class EpisodeLedger:
         self._told: dict[int, bool] = {}  # by slot that has asked: whether it knows of the end
         self._stored: dict[int, Episode] = {}
         self._leases: dict[int, Lease] = {}
+        self._lags: list[int] = []
         self.redelivered = 0
         """Deliveries of episodes that were there already: an acknowledgement had been lost."""
 
@@ -61,6 +63,7 @@ class EpisodeLedger:
         with self._changed:
             self._iteration, self._attempt = iteration, attempt
             self._stored, self._leases = stored, {}
+            self._lags = []
             self._collecting = True
             self._changed.notify_all()
 
@@ -92,6 +95,11 @@ class EpisodeLedger:
             while not (all(self._told.values()) or stop.is_set() or time.monotonic() > deadline_s):
                 self._changed.wait(timeout=0.1)  # bounded, so that `stop` is seen
 
+    def weights_version_lag(self) -> float:
+        """How many versions edges were behind when they were handed episodes of this iteration, on average."""
+        with self._changed:
+            return statistics.fmean(self._lags) if self._lags else 0.0
+
     def next(self, asked: NextEpisode) -> Assignment:
         """The episode that a slot shall play now."""
         with self._changed:
@@ -106,6 +114,8 @@ class EpisodeLedger:
                 return Assignment(verdict="wait", reason="the other robots' episodes")
             expires_s = time.monotonic() + self._lease_s
             self._leases[episode] = Lease(asked.slot, asked.worker, expires_s)
+            if asked.weights_version is not None:
+                self._lags.append(max(0, self._iteration - asked.weights_version))
             return Assignment(
                 verdict="play",
                 iteration=self._iteration,

@@ -221,6 +221,7 @@ class Training:
             "epsilon": self._config.epsilon(iteration),
             "updates": update.updates,
             "update_s": update.seconds,
+            "weights_version_lag": self._ledger.weights_version_lag(),
             "weights_version": weights.version,
             "weights_sha256": weights.content_sha256(),
         }

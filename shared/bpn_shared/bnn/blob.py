@@ -16,6 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from bpn_shared.bnn.spec import NetworkSpec
+from bpn_shared.errors import InputError
 
 Signs = npt.NDArray[np.int8]
 Thresholds = npt.NDArray[np.int32]
@@ -27,7 +28,7 @@ _DIGEST_BYTES = hashlib.sha256().digest_size
 NO_RUN = UUID(int=0)
 
 
-class BlobError(ValueError):
+class BlobError(InputError):
     """The bytes or the parts are not a policy; the message says what is wrong with them."""
 
 

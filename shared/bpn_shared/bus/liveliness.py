@@ -39,6 +39,10 @@ class TokenWatch:
 
         self._subscriber = bus.zenoh.liveliness().declare_subscriber(pattern, changed, history=True)
 
+    def close(self) -> None:
+        """Ends the subscription."""
+        self._subscriber.undeclare()  # type: ignore[no-untyped-call]
+
 
 class Alive:
     """The workers of one kind that are alive now."""
@@ -49,7 +53,7 @@ class Alive:
         self._watch = TokenWatch(bus, keys.live(kind, "*"), self._changed)
 
     def _changed(self, key: str, alive: bool) -> None:
-        worker = key.rsplit("/", 1)[-1]
+        _, worker = keys.worker_of(key)
         with self._lock:
             if alive:
                 self._workers.add(worker)

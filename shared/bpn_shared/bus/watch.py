@@ -32,23 +32,3 @@ class Watch:
     def close(self) -> None:
         """Ends the subscription; the senders learn that nobody watches any more."""
         self._subscriber.undeclare()  # type: ignore[no-untyped-call]
-
-
-OnToken = Callable[[str, str, bool], None]
-"""Takes a change: kind and id of a worker, and whether it is alive now."""
-
-
-class WatchAlive:
-    """Calls `on_token` for every worker of any kind that is alive, appears or goes."""
-
-    def __init__(self, bus: Bus, pattern: str, on_token: OnToken) -> None:
-        def changed(token: zenoh.Sample) -> None:
-            *_, kind, worker = str(token.key_expr).split("/")
-            on_token(kind, worker, token.kind == zenoh.SampleKind.PUT)
-
-        self._subscriber = bus.zenoh.liveliness().declare_subscriber(
-            pattern, zenoh.handlers.Callback(changed, indirect=False), history=True
-        )
-
-    def close(self) -> None:
-        self._subscriber.undeclare()  # type: ignore[no-untyped-call]

@@ -34,6 +34,8 @@ class NextEpisode(Message):
 
     slot: Count
     worker: WorkerId
+    weights_version: Count | None = None
+    """The newest that the edge has loaded and verified; None: none yet."""
 
 
 class Assignment(Message):

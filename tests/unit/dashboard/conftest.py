@@ -1,3 +1,4 @@
+import os
 import shutil
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -9,6 +10,7 @@ from bpn_dashboard.access.roles import Role
 from bpn_dashboard.api.app import Application, create_app
 from bpn_dashboard.api.context import Context
 from bpn_dashboard.database.engine import Database, sqlite_url
+from bpn_dashboard.database.tables import Base
 from bpn_dashboard.registry.store import RunStore
 from bpn_dashboard.series.ingest import Ingest
 from bpn_shared.service import Counters
@@ -24,8 +26,13 @@ def empty_database(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def database(tmp_path: Path, empty_database: Path) -> Iterator[Database]:
+    """A SQLite file; where BPN_TEST_DATABASE names another database, that one, emptied."""
     shutil.copy(empty_database, tmp_path / "dashboard.sqlite")
-    database = Database(sqlite_url(tmp_path / "dashboard.sqlite"))
+    url = os.environ.get("BPN_TEST_DATABASE")
+    database = Database(url or sqlite_url(tmp_path / "dashboard.sqlite"))
+    with database.writing() as session:
+        for table in reversed(Base.metadata.sorted_tables) if url else ():
+            session.execute(table.delete())
     yield database
     database.close()
 

@@ -8,6 +8,7 @@ from fastapi.routing import iter_route_contexts
 from fastapi.testclient import TestClient
 from starlette.websockets import WebSocketDisconnect
 
+from bpn_certificates.authority import Validity, issue, new_authority
 from bpn_dashboard.access.guard import CONTENT_SECURITY_POLICY, Guard
 from bpn_dashboard.access.roles import ROLES
 from bpn_dashboard.api.context import Context
@@ -148,6 +149,9 @@ def test_a_link_becomes_a_session_once(client_of, context) -> None:
     assert refused.json()["type"] == "urn:bpn:problem:wrong-token"
     assert browser.delete("/api/v1/session").status_code == 204
     assert browser.get("/api/v1/session").status_code == 401
+    done = client_of("admin").get("/api/v1/audit").json()["items"]
+    own = [item["action"] for item in done if item["actor"] == "me"]
+    assert own == ["revoke_session", "log_in"]
 
 
 def test_a_link_is_no_token_and_an_expired_token_none_either(client_of, context) -> None:
@@ -185,6 +189,11 @@ def test_tokens_are_made_listed_and_revoked(client, client_of) -> None:
     assert client.delete(f"/api/v1/tokens/{made.json()['id']}").status_code == 204
     assert script.get("/api/v1/runs").status_code == 401
     assert client.delete(f"/api/v1/tokens/{made.json()['id']}").status_code == 404
+    done = client.get("/api/v1/audit", params={"subject": made.json()["id"]}).json()["items"]
+    assert [(item["actor"], item["action"], item["detail"]) for item in done] == [
+        ("admin", f"{action}_token", {"name": "ci", "role": "viewer"})
+        for action in ("revoke", "create")
+    ]
 
 
 def test_nobody_makes_a_link_for_more_than_their_role(client_of) -> None:
@@ -220,12 +229,16 @@ def test_guessing_is_slowed_down_for_the_guesser_alone(application, context) -> 
         (["--host", "0.0.0.0", "--certificate", "PEM", "--key", "PEM"], None),
         (["--certificate", "PEM"], "belong together"),
         (["--certificate", "missing.pem", "--key", "PEM"], "missing.pem"),
+        (["--certificate", "PEM", "--key", "EMPTY"], "are no PEM certificate with its key"),
     ],
 )
 def test_it_does_not_listen_beyond_loopback_in_the_clear(arguments, wrong, tmp_path) -> None:
-    pem = tmp_path / "some.pem"
-    pem.touch()
-    options = argument_parser().parse_args([a.replace("PEM", str(pem)) for a in arguments])
+    validity = Validity.of_days(1)
+    own = issue(new_authority("a", validity), "dashboard", validity, server_names=["a.example"])
+    (tmp_path / "PEM").write_bytes(own.certificate_pem() + own.key_pem())
+    (tmp_path / "EMPTY").touch()
+    files = {name: str(tmp_path / name) for name in ("PEM", "EMPTY")}
+    options = argument_parser().parse_args([files.get(a, a) for a in arguments])
     if wrong is None:
         check_options(options)
     else:

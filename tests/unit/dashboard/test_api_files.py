@@ -140,7 +140,7 @@ def test_returns_of_gym_tasks_are_listed(client, run) -> None:
     record = {"iteration": 1, "return": 4.5, "returns": [4, 5]}
     (run.folder.path / "metrics.jsonl").write_text(json.dumps(record) + "\n")
     items = client.get(f"{run.url}/episodes", params={"iteration": 1}).json()["items"]
-    assert [item["return_px"] for item in items] == [4, 5]
+    assert [item["episode_return"] for item in items] == [4, 5]
 
 
 def test_artefacts_are_downloaded_by_id(client, run) -> None:
@@ -208,7 +208,7 @@ def test_links_in_a_run_folder_are_not_followed(client, run, tmp_path) -> None:
 def test_episodes_are_listed_and_played(client, run) -> None:
     listed = client.get(f"{run.url}/episodes").json()
     assert (listed["iteration"], listed["first_iteration"], listed["last_iteration"]) == (1, 0, 1)
-    assert [(e["episode"], e["steps"], e["return_px"]) for e in listed["items"]] == [
+    assert [(e["episode"], e["steps"], e["episode_return"]) for e in listed["items"]] == [
         (0, 3, -1.0), (1, 3, -2.0),
     ]  # fmt: skip
     spec = RunConfig.for_task("reaching", nodes=8).network
@@ -219,7 +219,7 @@ def test_episodes_are_listed_and_played(client, run) -> None:
     assert shown["actions"] == [1, 2, 13]
     assert shown["outputs"] == stored.outputs.tolist()
     assert shown["preferences"] == (stored.outputs * 0.5).tolist()
-    assert shown["rewards_px"] == [-4, -5, -6]
+    assert shown["rewards"] == [-4, -5, -6]
     assert shown["camera_to_action_us"] == [300.0, None, 400.0]
     assert len(shown["action_names"]) == 14
     frames = client.get(f"{run.url}/episodes/0/1/frames")

@@ -159,6 +159,12 @@ def test_a_configuration_that_no_task_can_have_says_why(client) -> None:
     assert "many" in answer.json()["detail"]
 
 
+def test_a_text_that_a_database_cannot_hold_is_no_failure_of_ours(client) -> None:
+    made = client.post("/api/v1/runs", json={"config": {"task": "reaching"}, "notes": "a\0b"})
+    assert made.status_code in (201, 422)
+    assert client.get("/api/v1/runs", params={"search": "\0"}).status_code in (200, 422)
+
+
 def test_bodies_are_bounded_and_must_be_json(client) -> None:
     large = client.post(
         "/api/v1/runs",

@@ -2,12 +2,24 @@ import sqlite3
 from pathlib import Path
 
 import pytest
+from alembic import command
 from alembic.autogenerate import compare_metadata
+from alembic.config import Config
 from alembic.runtime.migration import MigrationContext
 from sqlalchemy import create_engine
+from sqlalchemy.exc import IntegrityError
 
-from bpn_dashboard.database.engine import Database, DatabaseError, is_on_network, sqlite_url
+from bpn_dashboard.database.engine import (
+    MIGRATIONS,
+    Database,
+    DatabaseError,
+    is_on_network,
+    sqlite_url,
+)
+from bpn_dashboard.database.series_tables import ChunkRow
 from bpn_dashboard.database.tables import AuditRow, Base
+from bpn_dashboard.registry.store import RunStore
+from bpn_shared.config import RunConfig
 
 
 def pragma(file: Path, name: str) -> object:
@@ -22,6 +34,27 @@ def test_the_migrations_make_the_tables_that_the_code_has(tmp_path: Path) -> Non
         assert compare_metadata(MigrationContext.configure(connection), Base.metadata) == []
     assert pragma(tmp_path / "dashboard.sqlite", "journal_mode") == "wal"
     Database(url).close()  # opening it again changes nothing
+
+
+def test_what_is_known_of_runs_survives_older_schemas_and_back(tmp_path: Path) -> None:
+    url = sqlite_url(tmp_path / "dashboard.sqlite")
+    database = Database(url)
+    run = RunStore(database, tmp_path / "runs").create(RunConfig.for_task("reaching"), actor="me")
+    RunStore(database, tmp_path / "runs").observe({run.id: {"return_best": -3.5}})
+    database.close()
+    config = Config()
+    config.set_main_option("script_location", str(MIGRATIONS))
+    engine = create_engine(url)
+    with engine.connect() as connection:
+        config.attributes["connection"] = connection
+        command.downgrade(config, "0002")
+        connection.commit()
+        returns = connection.exec_driver_sql("SELECT return_px_best FROM runs").scalar_one()
+    engine.dispose()
+    assert returns == -3.5
+    database = Database(url)
+    assert RunStore(database, tmp_path / "runs").get(run.id).return_best == -3.5
+    database.close()
 
 
 def test_a_database_of_a_newer_program_is_refused_untouched(tmp_path: Path) -> None:
@@ -61,8 +94,8 @@ def test_a_failed_writing_leaves_nothing(database: Database) -> None:
 
 
 def test_foreign_keys_hold(database: Database) -> None:
-    with database.reading() as session:
-        assert session.connection().exec_driver_sql("PRAGMA foreign_keys").scalar_one() == 1
+    with pytest.raises(IntegrityError), database.writing() as session:
+        session.add(ChunkRow(metric_id=7, part=0, first=0, rollup=b"", steps=None, points=b""))
 
 
 def test_a_network_file_system_is_told_by_its_mount(

@@ -52,9 +52,9 @@ def test_progress_read_piece_by_piece_is_that_of_the_whole_file(
     assert seen["iteration"] == len(returns)
     if returns:
         assert seen["weights_version"] == len(returns)
-        assert seen["return_px_last"] == returns[-1]
-        assert seen["return_px_best"] == max(returns)
-        assert np.isclose(seen["return_px_mean_last_5"], np.mean(returns[-5:]))
+        assert seen["return_last"] == returns[-1]
+        assert seen["return_best"] == max(returns)
+        assert np.isclose(seen["return_mean_last_5"], np.mean(returns[-5:]))
 
 
 def columns(row: RunRow | SweepRow) -> dict[str, Any]:

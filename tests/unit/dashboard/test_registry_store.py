@@ -139,8 +139,8 @@ def fill(database: Database, returns: list[tuple[float | None, str]], prefix: st
                     id=f"{prefix}-{number:06d}", name=name, task="reaching", algorithm="bpn",
                     seed=number, config=CONFIG.model_dump(), config_hash="", state="finished",
                     desired_state="running", attempt=1, iteration=number % 7, iterations=50,
-                    weights_version=None, return_px_last=value, return_px_best=value, error="",
-                    return_px_mean_last_5=value, length_last=None, notes="", tags=[],
+                    weights_version=None, return_last=value, return_best=value, error="",
+                    return_mean_last_5=value, length_last=None, notes="", tags=[],
                     sweep_id=None, archived_at=None, created_at=float(number // 3),
                     updated_at=0.0, rev=1,
                 )

@@ -3,6 +3,7 @@ from typing import Any
 import pytest
 
 from bpn_dashboard.hub.topology import Link, Node, Topology
+from bpn_shared import keys
 from bpn_shared.messages.telemetry import KeyTraffic, Percentiles, Telemetry, WeightsMark
 
 RUN = "0198c0de-0000-7000-8000-000000000001"
@@ -73,7 +74,7 @@ def link(topology: Topology, topic: str) -> Link:
 def test_a_service_that_hangs_is_stale_until_its_token_goes(
     topology: Topology, clock: Clock
 ) -> None:
-    topology.token("edge", "edge-1", True)
+    topology.token(keys.live("edge", "edge-1"), True)
     assert state(topology, "edge-1") == "live"
     topology.hear(report("edge", waiting_for="a frame", waiting_s=2.0))
     clock.now_s += 2.9
@@ -85,7 +86,7 @@ def test_a_service_that_hangs_is_stale_until_its_token_goes(
     assert state(topology, "edge-1") == "stale"
     clock.now_s += 600
     assert state(topology, "edge-1") == "stale"  # its process is there and does nothing
-    topology.token("edge", "edge-1", False)
+    topology.token(keys.live("edge", "edge-1"), False)
     assert state(topology, "edge-1") == "dead"
     clock.now_s += 59
     assert state(topology, "edge-1") == "dead"
@@ -105,7 +106,7 @@ def test_without_a_token_reports_alone_tell(topology: Topology, clock: Clock) ->
 
 
 def test_a_token_without_a_report_is_stale_after_a_while(topology: Topology, clock: Clock) -> None:
-    topology.token("learner", "learner-1", True)
+    topology.token(keys.live("learner", "learner-1"), True)
     clock.now_s += 4
     found = node(topology, "learner-1")
     assert found is not None
@@ -114,9 +115,9 @@ def test_a_token_without_a_report_is_stale_after_a_while(topology: Topology, clo
 
 def test_a_router_that_comes_back_brings_the_living_back(topology: Topology) -> None:
     topology.hear(report("edge"))
-    topology.token("edge", "edge-1", False)
+    topology.token(keys.live("edge", "edge-1"), False)
     assert state(topology, "edge-1") == "dead"
-    topology.token("edge", "edge-1", True)
+    topology.token(keys.live("edge", "edge-1"), True)
     assert state(topology, "edge-1") == "live"
 
 
@@ -135,7 +136,7 @@ def test_links_join_who_sends_and_who_receives_with_the_rates_of_the_sender(
     assert (frame.messages, frame.messages_per_s, frame.bytes_per_s) == (150, 25.0, 250.0)
     assert (action.source, action.target, action.form) == ("edge-1", "robot-sim-1", "stream")
     assert (action.dropped, action.dropped_per_s) == (4, 2.0)  # the robot's slot dropped them
-    topology.token("edge", "edge-1", False)
+    topology.token(keys.live("edge", "edge-1"), False)
     assert topology.snapshot().links == []
 
 
@@ -196,7 +197,7 @@ def test_the_way_of_weights_is_measured_once_per_version_and_edge(topology: Topo
     assert both is not None
     assert (both.count, both.p50_us, both.p99_us) == (2, 3000.0, 4000.0)
     # an edge that began later did not get them on their way
-    topology.token("edge", "edge-1", False)
+    topology.token(keys.live("edge", "edge-1"), False)
     young = edge(2, 99 * S, uptime_s=2.0).model_copy(update={"worker": "edge-2"})
     topology.hear(young)
     assert link(topology, "weights").latency is None

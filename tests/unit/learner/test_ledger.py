@@ -65,6 +65,22 @@ def test_slots_get_different_episodes_with_their_seeds(folder: RunFolder) -> Non
     assert assignment.weights_version == 5
 
 
+def test_the_lag_of_weights_is_told_of_hand_outs_alone(folder: RunFolder) -> None:
+    ledger = EpisodeLedger(CONFIG, folder, alive={"edge-0", "edge-1"})
+
+    def ask_with(slot: int, version: int | None) -> str:
+        asked = NextEpisode(slot=slot, worker=f"edge-{slot}", weights_version=version)
+        return ledger.next(asked).verdict
+
+    assert ask_with(0, 4) == "wait"  # there is no newer version yet
+    ledger.begin(5, attempt=1)
+    assert ledger.weights_version_lag() == 0.0
+    assert [ask_with(0, 3), ask_with(0, 5), ask_with(1, 4), ask_with(1, None)] == ["play"] * 4
+    assert ledger.weights_version_lag() == pytest.approx((2 + 0 + 1) / 3)
+    ledger.begin(6, attempt=1)
+    assert ledger.weights_version_lag() == 0.0
+
+
 def test_a_slot_that_asks_again_gets_what_it_had(folder: RunFolder) -> None:
     ledger = EpisodeLedger(CONFIG, folder, alive={"edge-0", "edge-1", "edge-0b"})
     ledger.begin(0, attempt=1)

@@ -1,58 +1,109 @@
-"""`bpn bench dashboard`: what the dashboard can take, and what it costs those who do the work."""
+"""`bpn bench dashboard`: what the dashboard can take, and what it costs those who do the work.
 
+Parts, each on data of its own: `series` (100 runs of 100,000 points), `lists` (10,000 runs), `ingest`, `cameras`,
+`deaf` (a client that reads nothing), and `browser`: the first two as somebody sees them in Chromium.
+"""
+
+import tempfile
+import time
+from collections.abc import Iterator, Sequence
+from pathlib import Path
 from typing import Any
 
 from rich.console import Console
 from rich.table import Table
 
+from bpn import optional
 from bpn.bench import live, rest
+from bpn.bench.figures import add_rows, all_met
 from bpn.bench.machine import machine
+from bpn.bench.served import router, serving
+from bpn.bench.sizes import QUICK, Sizes
+from bpn.local_run import private_endpoint
+from bpn_shared.config import ConfigError
 
-_SERIES = f"{rest.RUNS} runs of {rest.POINTS:,} points in groups"
-_REST = {
-    "group_cold_ms": f"{_SERIES}: first view, ms",
-    "group_warm_ms": "  the same view again, ms",
-    "zoom_ms": "  zoom to another range, ms",
-    "list_ms": f"{rest.LISTED:,} runs: first page, ms",
-    "filter_ms": "  filtered, ms",
-    "sort_ms": "  sorted, ms",
-    "points_per_s": "points taken in a second",
-    "bytes_per_point": "bytes stored for a point",
-}
+PARTS = ("series", "lists", "ingest", "cameras", "deaf", "browser")
+
+Measured = tuple[list[dict[str, Any]], dict[str, Any]]
 
 
-def run() -> dict[str, Any]:
-    """Measures all parts; the result has one entry for each."""
-    return {"rest": rest.measure(), "live": live.measure(), "machine": machine()}
+def run(*, parts: Sequence[str] = PARTS, quick: bool = False) -> dict[str, Any]:
+    """Measures.
+
+    Returns:
+        figures (name, title, value, interval, target, bound, met), samples that they are medians of, sizes,
+        machine (its load before the measurement), took_s.
+
+    Raises:
+        ConfigError: a part is unknown, or what it needs is not installed.
+    """
+    unknown = set(parts) - set(PARTS)
+    if unknown:
+        raise ConfigError(f"--parts {', '.join(sorted(unknown))}: there are {', '.join(PARTS)}")
+    sizes, measured_on, start_s = QUICK if quick else Sizes(), machine(), time.monotonic()
+    figures: list[dict[str, Any]] = []
+    samples: dict[str, Any] = {}
+    with tempfile.TemporaryDirectory(prefix="bpn-bench-") as directory:
+        for told, values in _parts(Path(directory), frozenset(parts), sizes):
+            figures += told
+            samples |= values
+    return {
+        "figures": figures,
+        "samples": samples,
+        "sizes": vars(sizes),
+        "machine": measured_on,
+        "took_s": round(time.monotonic() - start_s),
+    }
+
+
+def _parts(directory: Path, parts: frozenset[str], sizes: Sizes) -> Iterator[Measured]:
+    browser: Any = None
+    if "browser" in parts:  # what is missing is said before the measurement, not after
+        browser = optional.load(
+            "bpn.bench.browser", extra="bench", wanted_by="`bpn bench dashboard --parts browser`"
+        )
+    folders = {part: directory / part for part in PARTS}
+    for folder in folders.values():
+        folder.mkdir()
+    if parts & {"series", "browser"}:
+        bytes_per_point = rest.make_series(folders["series"], sizes)
+        endpoint = private_endpoint()
+        with serving(folders["series"], endpoint, [router(endpoint)]) as served:
+            if browser is not None:
+                yield browser.measure_compare(served, sizes)
+            if "series" in parts:
+                yield rest.measure_series(served, sizes, bytes_per_point)
+    if parts & {"lists", "browser"}:
+        rest.make_lists(folders["lists"], sizes)
+        endpoint = private_endpoint()
+        with serving(folders["lists"], endpoint, [router(endpoint)]) as served:
+            if "lists" in parts:
+                yield rest.measure_lists(served, sizes)
+            if browser is not None:
+                yield browser.measure_table(served, sizes)
+    if "ingest" in parts:
+        yield rest.measure_ingest(folders["ingest"], sizes)
+    if "cameras" in parts:
+        yield live.measure_cameras(folders["cameras"], sizes)
+    if "deaf" in parts:
+        yield live.measure_deaf_client(folders["deaf"], sizes)
 
 
 def met(result: dict[str, Any]) -> bool:
-    """Whether every part reaches its targets."""
-    return rest.met(result["rest"]) and live.met(result["live"])
+    """Whether every figure reaches its target."""
+    return all_met(result["figures"])
 
 
 def show(result: dict[str, Any]) -> None:
-    """Prints the measurement as a table."""
-    table = Table("what", "measured", "target", title="dashboard")
-    for name, target in rest.TARGETS.items():
-        sign = "≥" if name == "points_per_s" else "≤"
-        table.add_row(_REST[name], f"{result['rest'][name]:,.1f}", f"{sign} {target:,.0f}")
-    cameras, deaf = result["live"]["cameras"], result["live"]["deaf_client"]
-    ages = cameras["capture_to_client_ms"]
-    cpu, steps, growth = live.TARGETS.values()
-    table.add_row(
-        f"{live.CAMERAS} cameras at {live.FPS:.0f} fps: server CPU, % of a core",
-        f"{cameras['server_cpu_percent']:.1f} (idle {cameras['idle_cpu_percent']:.1f})",
-        f"≤ {cpu:.0f}",
+    """Prints the figures beside their targets."""
+    sizes, host = result["sizes"], result["machine"]
+    table = Table(
+        "what",
+        title=f"dashboard: {sizes['runs']} runs of {sizes['points']:,} points, {sizes['listed']:,} runs listed",
+        caption=f"{host['cpu']}, {host['cores']} cores, load {host['load_average'][0]}, {result['took_s']} s; "
+        "in brackets: 95 % confidence",
     )
-    table.add_row(
-        "  frames a second, the slowest", f"{cameras['fps']:.1f}", f"> {live.FPS - 1:.0f}"
-    )
-    table.add_row("  capture to client, ms p50 / p99", f"{ages['p50']:.1f} / {ages['p99']:.1f}", "")
-    table.add_row(
-        "client that reads nothing: steps/s of the loop, %",
-        f"{deaf['steps_change_percent']:+.2f} of {deaf['steps_per_s']:.0f}",
-        f"± {steps:.0f}",
-    )
-    table.add_row("  server memory, MB", f"{deaf['server_growth_mb']:+.1f}", f"< {growth:.0f}")
+    for heading in ("measured", "target", ""):
+        table.add_column(heading, justify="right")
+    add_rows(table, result["figures"])
     Console().print(table)

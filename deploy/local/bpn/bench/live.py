@@ -1,35 +1,37 @@
 """The live view's part of `bpn bench dashboard`: what watching costs the server, and what it costs the loop.
 
 First four cameras of the largest frames at 28 a second, to one reader. Then a real run, with and without a
-client that subscribes to everything and reads nothing, in turns: what differs between neighbouring windows
-is the client's doing, and not the machine's mood.
+client that subscribes to everything and reads nothing, in turns: a window with it is compared with the
+mean of the windows before and after, so that what the machine does besides falls on both sides. The median
+of these ratios is told with its 95 % confidence interval from order statistics, which assumes nothing of
+how they are distributed; more rounds are made until the interval is narrow enough to tell.
 """
 
 import contextlib
 import itertools
 import json
+import math
 import os
 import socket
 import statistics
-import tempfile
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 from uuid import UUID, uuid4
 
 import numpy as np
 import psutil
-from websockets.exceptions import ConnectionClosed
-from websockets.sync.client import ClientConnection, connect
+from websockets.sync.client import ClientConnection
 
+from bpn.bench.figures import Figure, results
+from bpn.bench.served import Served, router, serving
+from bpn.bench.sizes import Sizes
 from bpn.local_run import new_run, private_endpoint
 from bpn.summary import percentiles
-from bpn.supervisor import Service, Supervisor, services_of_run
+from bpn.supervisor import services_of_run
 from bpn_dashboard.hub.protocol import LiveFrame
-from bpn_dashboard.hub.websocket import PATH
-from bpn_dashboard.service import ADDRESS_FILE
 from bpn_shared import keys
 from bpn_shared.bus.latest import LatestPublisher
 from bpn_shared.bus.session import Bus
@@ -40,132 +42,50 @@ from bpn_shared.messages.telemetry import Telemetry
 from bpn_shared.service import Counters
 
 CAMERAS, FPS, CHANNELS = 4, 28.0, 6
-CAMERA_S, DEAF_S, WINDOW_S, ROUNDS = 10.0, 30.0, 6.0, 10
 SETTLE_S = 3.0
 _START_S = 60.0
-TARGETS = {"server_cpu_percent": 10.0, "steps_change_percent": 2.0, "server_growth_mb": 20.0}
+_CONFIDENCE = 0.95
 
-
-def measure() -> dict[str, Any]:
-    """Measures both parts.
-
-    Returns:
-        cameras: fps (of the slowest), server_cpu_percent and idle_cpu_percent (of one core),
-        capture_to_client_ms {p50, p99}. deaf_client: steps_per_s without it, steps_change_percent (median over
-        rounds), server_growth_mb within 30 s.
-    """
-    with tempfile.TemporaryDirectory(prefix="bpn-bench-") as directory:
-        return {"cameras": _cameras(Path(directory)), "deaf_client": _deaf_client(Path(directory))}
-
-
-def met(result: dict[str, Any]) -> bool:
-    """Whether the measurement reaches its targets."""
-    cameras, deaf = result["cameras"], result["deaf_client"]
-    return bool(
-        cameras["fps"] > FPS - 1
-        and cameras["server_cpu_percent"] <= TARGETS["server_cpu_percent"]
-        and abs(deaf["steps_change_percent"]) < TARGETS["steps_change_percent"]
-        and deaf["server_growth_mb"] < TARGETS["server_growth_mb"]
-    )
-
-
-class _Dashboard:
-    """A running dashboard."""
-
-    def __init__(self, runs_dir: Path) -> None:
-        address = _wait_for_json(runs_dir / ADDRESS_FILE)
-        self._url = str(address["url"]).replace("http", "ws", 1) + PATH
-        self._token = str(address["token"])
-        self.process = psutil.Process(int(address["pid"]))
-
-    def wait_until_live(self) -> None:
-        """Waits until the dashboard has reached the router.
-
-        Raises:
-            TimeoutError: it did not.
-        """
-        deadline_s = time.monotonic() + _START_S
-        while time.monotonic() < deadline_s:
-            with contextlib.suppress(ConnectionClosed, OSError), self.client():
-                return
-            time.sleep(0.1)
-        raise TimeoutError(f"the dashboard at {self._url} does not reach the router")
-
-    @contextlib.contextmanager
-    def client(self, **options: Any) -> Iterator[ClientConnection]:
-        """A client that was made welcome.
-
-        Raises:
-            ConnectionClosed: it was sent away.
-        """
-        headers = {"Authorization": f"Bearer {self._token}"}
-        with connect(
-            self._url, compression=None, additional_headers=headers, **options
-        ) as connection:
-            connection.send(json.dumps({"op": "hello", "proto": 1}))
-            connection.recv(timeout=_START_S)
-            yield connection
-
-    @property
-    def address(self) -> tuple[str, int]:
-        host, _, port = self._url.split("/")[2].rpartition(":")
-        return host, int(port)
-
-
-def _wait_for_json(path: Path) -> dict[str, Any]:
-    deadline_s = time.monotonic() + _START_S
-    while time.monotonic() < deadline_s:
-        with contextlib.suppress(OSError, json.JSONDecodeError):
-            found: dict[str, Any] = json.loads(path.read_bytes())
-            return found
-        time.sleep(0.05)
-    raise TimeoutError(f"the dashboard did not write {path}")
-
-
-def _dashboard_service(runs_dir: Path, endpoint: str) -> Service:
-    return Service(
-        "dashboard",
-        ["bpn_dashboard", "--runs-dir", str(runs_dir), "--connect", endpoint, "--port", "0"],
-    )
-
-
-@contextlib.contextmanager
-def _running(services: list[Service], logs: Path) -> Iterator[None]:
-    supervisor = Supervisor(services, logs)
-    try:
-        supervisor.start()
-        yield
-    finally:
-        supervisor.stop()
-
-
-def _subscribe(client: ClientConnection, topics: list[str], **more: Any) -> None:
-    for number, topic in enumerate(topics):
-        client.send(json.dumps({"op": "sub", "id": number, "topic": topic, **more}))
+CAMERA_FIGURES = (
+    Figure("camera_fps", f"{CAMERAS} cameras: frames a second, the slowest", FPS - 1, "least"),
+    Figure("camera_cpu_percent", "  the server, % of a core", 10.0),
+    Figure("camera_idle_cpu_percent", "  the server with nothing to show, % of a core"),
+    Figure("camera_p50_ms", "  capture to client, median, ms", 30.0),
+    Figure("camera_p99_ms", "  capture to client, 99th percentile, ms", 100.0),
+)
+STEPS_CHANGE_PERCENT = 2.0
+STEPS = Figure(
+    "deaf_steps_percent",
+    "a client that reads nothing: change of the loop's steps/s, %",
+    STEPS_CHANGE_PERCENT,
+    "within",
+    digits=2,
+)
+DEAF_FIGURES = (
+    Figure("deaf_growth_mb", "  growth of the server's memory, MB", 20.0),
+    Figure("deaf_steps_per_s", "  the loop's steps/s without it"),
+)
 
 
 # Four cameras
 
 
-def _cameras(directory: Path) -> dict[str, Any]:
-    runs_dir, endpoint = directory / "cameras", private_endpoint()
-    runs_dir.mkdir()
-    router = Service("router", ["bpn_shared.bus.router", "--listen", endpoint])
-    with _running([router, _dashboard_service(runs_dir, endpoint)], runs_dir / "logs"):
-        dashboard = _Dashboard(runs_dir)
-        run, stop = uuid4(), threading.Event()
-        dashboard.wait_until_live()
-        with dashboard.client() as client:
-            time.sleep(SETTLE_S)
-            idle_percent = _cpu_percent(dashboard.process, CAMERA_S / 2)
-            robots = threading.Thread(target=_show, args=(endpoint, run, stop))
-            robots.start()
-            try:
-                _subscribe(client, [f"camera/{run}/{slot}" for slot in range(CAMERAS)], rate_hz=30)
-                return _watch(client, dashboard.process) | {"idle_cpu_percent": idle_percent}
-            finally:
-                stop.set()
-                robots.join()
+def measure_cameras(runs_dir: Path, sizes: Sizes) -> tuple[list[dict[str, Any]], dict[str, Any]]:
+    """`CAMERA_FIGURES`."""
+    endpoint, run, stop = private_endpoint(), uuid4(), threading.Event()
+    with serving(runs_dir, endpoint, [router(endpoint)]) as served, served.live() as client:
+        time.sleep(SETTLE_S)
+        idle_percent = _cpu_percent(served.process, sizes.camera_s / 2)
+        robots = threading.Thread(target=_show, args=(endpoint, run, stop))
+        robots.start()
+        try:
+            _subscribe(client, [f"camera/{run}/{slot}" for slot in range(CAMERAS)], rate_hz=30)
+            values = _watch(client, served.process, sizes.camera_s)
+        finally:
+            stop.set()
+            robots.join()
+    values["camera_idle_cpu_percent"] = idle_percent
+    return results(CAMERA_FIGURES, values), values
 
 
 def _show(endpoint: str, run: UUID, stop: threading.Event) -> None:
@@ -181,17 +101,19 @@ def _show(endpoint: str, run: UUID, stop: threading.Event) -> None:
                 return
 
 
-def _watch(client: ClientConnection, server: psutil.Process) -> dict[str, Any]:
+def _watch(client: ClientConnection, server: psutil.Process, watch_s: float) -> dict[str, float]:
     _read_frames(client, SETTLE_S)
     before = server.cpu_times()
     start_s = time.monotonic()
-    counts, ages_ms = _read_frames(client, CAMERA_S)
+    counts, ages_ms = _read_frames(client, watch_s)
     seconds, after = time.monotonic() - start_s, server.cpu_times()
     cpu_s = after.user + after.system - before.user - before.system
+    ages = percentiles(np.array(ages_ms))
     return {
-        "fps": round(min(counts) / seconds, 2),
-        "server_cpu_percent": round(100 * cpu_s / seconds, 2),
-        "capture_to_client_ms": percentiles(np.array(ages_ms)),
+        "camera_fps": min(counts) / seconds,
+        "camera_cpu_percent": 100 * cpu_s / seconds,
+        "camera_p50_ms": ages["p50"],
+        "camera_p99_ms": ages["p99"],
     }
 
 
@@ -211,7 +133,12 @@ def _read_frames(client: ClientConnection, seconds: float) -> tuple[list[int], l
 
 def _cpu_percent(process: psutil.Process, seconds: float) -> float:
     process.cpu_percent()
-    return round(float(process.cpu_percent(seconds)), 2)
+    return float(process.cpu_percent(seconds))
+
+
+def _subscribe(client: ClientConnection, topics: list[str], **more: Any) -> None:
+    for number, topic in enumerate(topics):
+        client.send(json.dumps({"op": "sub", "id": number, "topic": topic, **more}))
 
 
 # A client that reads nothing
@@ -252,52 +179,84 @@ class _Steps:
         self._watch.close()
 
 
-def _deaf_client(directory: Path) -> dict[str, Any]:
-    runs_dir, endpoint = directory / "deaf", private_endpoint()
+def measure_deaf_client(
+    runs_dir: Path, sizes: Sizes
+) -> tuple[list[dict[str, Any]], dict[str, Any]]:
+    """`STEPS`, with how sure it is, and `DEAF_FIGURES`."""
+    endpoint = private_endpoint()
     # one endless iteration: between two, there would be pauses for learning
     config = RunConfig.for_task("reaching", nodes=100, iterations=1, episodes=10_000)
     folder = new_run(runs_dir, config)
     services = services_of_run(folder.run, config, runs_dir, endpoint)
-    with (
-        _running([*services, _dashboard_service(runs_dir, endpoint)], folder.logs),
-        Bus(endpoint) as bus,
-    ):
-        dashboard, steps = _Dashboard(runs_dir), _Steps(bus)
+    with serving(runs_dir, endpoint, services) as served, Bus(endpoint) as bus:
+        steps = _Steps(bus)
         steps.wait_for_first()
-        dashboard.wait_until_live()
-        with dashboard.client():
+        with served.live():
             time.sleep(SETTLE_S)  # whatever is loaded for the first client is there
-        before_bytes = dashboard.process.memory_info().rss
-        with _deaf(dashboard, folder.run):
-            growths = []
-            for _ in range(int(DEAF_S)):
-                time.sleep(1.0)
-                growths.append(dashboard.process.memory_info().rss - before_bytes)
-        without, ratios = [steps.per_second(WINDOW_S)], []
-        for _ in range(ROUNDS):
-            with _deaf(dashboard, folder.run):
-                watched = steps.per_second(WINDOW_S)
-            without.append(steps.per_second(WINDOW_S))
-            ratios.append(watched / statistics.mean(without[-2:]))
+        growth_bytes = _growth(served, folder.run, sizes.deaf_s)
+        without, ratios = _in_turns(served, folder.run, steps, sizes)
         steps.close()
-    return {
-        "steps_per_s": round(statistics.median(without), 1),
-        "steps_change_percent": round(100 * (statistics.median(ratios) - 1), 2),
-        "rounds_percent": [round(100 * (ratio - 1), 2) for ratio in ratios],
-        "server_growth_mb": round(max(growths) / 1e6, 2),
+    percents = [100 * (ratio - 1) for ratio in ratios]
+    told = [STEPS.result(statistics.median(percents), median_interval(percents))]
+    values = {
+        "deaf_growth_mb": growth_bytes / 1e6,
+        "deaf_steps_per_s": statistics.median(without),
     }
+    samples = {"steps_per_s": without, "change_percent": percents}
+    return told + results(DEAF_FIGURES, values), samples
+
+
+def _growth(served: Served, run: UUID, seconds: float) -> int:
+    """The most that the server's memory grows by while a client reads nothing."""
+    before = served.process.memory_info().rss
+    growths: list[int] = []
+    with _deaf(served, run):
+        for _ in range(max(1, round(seconds))):
+            time.sleep(1.0)
+            growths.append(served.process.memory_info().rss - before)
+    return max(growths)
+
+
+def _in_turns(
+    served: Served, run: UUID, steps: _Steps, sizes: Sizes
+) -> tuple[list[float], list[float]]:
+    """Steps a second in the windows without the client, and the ratio of each with it to its neighbours."""
+    without, ratios = [steps.per_second(sizes.window_s)], list[float]()
+    fewest, most = sizes.rounds
+    while len(ratios) < fewest or (len(ratios) < most and not _is_narrow(ratios)):
+        with _deaf(served, run):
+            watched = steps.per_second(sizes.window_s)
+        without.append(steps.per_second(sizes.window_s))
+        ratios.append(watched / statistics.mean(without[-2:]))
+    return without, ratios
+
+
+def _is_narrow(ratios: Sequence[float]) -> bool:
+    """Whether the interval is half as wide as what it shall tell; never depends on where it lies."""
+    interval = median_interval(ratios)
+    return interval is not None and 100 * (interval[1] - interval[0]) < STEPS_CHANGE_PERCENT
+
+
+def median_interval(values: Sequence[float]) -> tuple[float, float] | None:
+    """The 95 % confidence interval of the median, by order statistics; None of fewer than six values."""
+    ordered, n = sorted(values), len(values)
+    cut, outside = 0, 2.0 / 2**n  # the chance that the median lies beyond the outermost values
+    while outside <= 1 - _CONFIDENCE:
+        cut += 1
+        outside += 2 * math.comb(n, cut) / 2**n
+    return (ordered[cut - 1], ordered[n - cut]) if cut else None
 
 
 @contextlib.contextmanager
-def _deaf(dashboard: _Dashboard, run: UUID) -> Iterator[None]:
+def _deaf(served: Served, run: UUID) -> Iterator[None]:
     """A client that asks for everything of a run and takes nothing, not even into a large socket buffer."""
-    link = socket.create_connection(dashboard.address)
+    link = socket.create_connection(served.host_and_port)
     link.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
     everything = [
         *(f"{topic}/{run}/0" for topic in ("camera", "actions")),
         *(f"{topic}/{run}" for topic in ("metrics", "logs")),
         *("runs", "topology"),
     ]
-    with dashboard.client(sock=link, max_queue=1, ping_interval=None, close_timeout=0.1) as client:
+    with served.live(sock=link, max_queue=1, ping_interval=None, close_timeout=0.1) as client:
         _subscribe(client, everything)
         yield

@@ -1,19 +1,14 @@
 """The REST part of `bpn bench dashboard`: long series drawn, lines taken in, many runs listed.
 
-A dashboard of its own process answers over loopback; times are those of whole requests. `cold` is a view that
-was never asked for, with the database's pages already read; `warm` the same view again.
+Times are those of whole requests over loopback. `cold` is a view that was never asked for, with the
+database's pages already read; `warm` the same view again.
 """
 
-import contextlib
 import itertools
 import json
-import os
 import statistics
-import subprocess
-import sys
-import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 from uuid import UUID, uuid4
@@ -21,99 +16,109 @@ from uuid import UUID, uuid4
 import httpx
 import numpy as np
 
+from bpn.bench.figures import Figure, results
+from bpn.bench.served import Served
+from bpn.bench.sizes import Sizes
 from bpn_dashboard.database.engine import Database, sqlite_url
 from bpn_dashboard.registry.store import RunStore
 from bpn_dashboard.series import store
 from bpn_dashboard.series.ingest import Ingest
 from bpn_dashboard.series.points import Points
-from bpn_dashboard.service import ADDRESS_FILE
 from bpn_shared.config import RunConfig
 from bpn_shared.run_folder import RunFolder
 from bpn_shared.service import Counters
 
-RUNS, POINTS, SEEDS = 100, 100_000, 10
-LISTED = 10_000
-LINES, METRICS = 20_000, 18
-REPEATS = 9
+METRIC = "return_px"
+TASK = "reaching"
+_METRICS = 18
 _DATABASE = ".dashboard.sqlite"
-_START_S = 60.0
-_METRIC = "return_px"
 
-TARGETS = {
-    "group_cold_ms": 600.0,
-    "group_warm_ms": 150.0,
-    "zoom_ms": 200.0,
-    "list_ms": 300.0,
-    "filter_ms": 300.0,
-    "sort_ms": 300.0,
-    "points_per_s": 50_000.0,
-    "bytes_per_point": 20.0,
-}
-"""Upper bounds but for points_per_s, which is the least."""
-
-
-def measure() -> dict[str, float]:
-    """All of `TARGETS`, times as medians of repeated requests."""
-    with tempfile.TemporaryDirectory(prefix="bpn-bench-") as directory:
-        series = _measure_series(Path(directory) / "series")
-        lists = _measure_lists(Path(directory) / "lists")
-        ingest = _measure_ingest(Path(directory) / "ingest")
-    return series | lists | ingest
+SERIES = (
+    Figure("group_cold_ms", "groups with bands, first view, answered, ms", 600.0),
+    Figure("group_warm_ms", "  the same view again, ms", 150.0),
+    Figure("zoom_ms", "  zoom to another range, answered, ms", 200.0),
+    Figure("bytes_per_point", "  bytes stored for a point", 20.0),
+)
+LISTS = (
+    Figure("list_ms", "first page of the runs, answered, ms", 300.0),
+    Figure("filter_ms", "  filtered, ms", 300.0),
+    Figure("sort_ms", "  sorted, ms", 300.0),
+)
+INGEST = (Figure("points_per_s", "points taken in, 1/s", 50_000.0, "least", digits=0),)
 
 
-def met(result: dict[str, float]) -> bool:
-    """Whether every figure reaches its target."""
-    slow = [
-        name for name, most in TARGETS.items() if name != "points_per_s" and result[name] > most
-    ]
-    return not slow and result["points_per_s"] >= TARGETS["points_per_s"]
-
-
-def _measure_series(runs_dir: Path) -> dict[str, float]:
+def make_series(runs_dir: Path, sizes: Sizes) -> float:
+    """Finished runs with long series of one metric, in groups of seeds; returns bytes per point."""
     rng = np.random.default_rng(0)
     database = Database(sqlite_url(runs_dir / _DATABASE))
     runs = RunStore(database, runs_dir)
-    steps = np.arange(POINTS)
-    for index in range(RUNS):
-        alpha = (index // SEEDS) / 10
-        config = RunConfig.for_task("reaching", seed=index % SEEDS, alpha=alpha, iterations=POINTS)
+    steps = np.arange(sizes.points)
+    for index in range(sizes.runs):
+        config = RunConfig.for_task(
+            TASK,
+            seed=index % sizes.seeds,
+            alpha=(index // sizes.seeds) / 10,
+            iterations=sizes.points,
+        )
         run = runs.create(config, actor="bench")
+        runs.folder(run.id).set_state("finished")
         with database.writing() as session:
-            points = Points(steps, rng.normal(size=POINTS).cumsum())
-            store.append(session, run.id, {_METRIC: points})
+            points = Points(steps, rng.normal(size=sizes.points).cumsum())
+            store.append(session, run.id, {METRIC: points})
     database.close()
-    stored = (runs_dir / _DATABASE).stat().st_size / (RUNS * POINTS)
-    body = {"filter": {}, "group_by": "all_but_seed", "metrics": [_METRIC], "band": "ci95"}
-    with _dashboard(runs_dir) as client:
-        views = itertools.count(1000)
-        cold = [body | {"max_points": next(views)} for _ in range(REPEATS)]
-        zooms = [body | {"range": [1000 * i, 1000 * i + 15_000]} for i in range(1, REPEATS + 1)]
-        return {
-            "group_cold_ms": _post_ms(client, cold),
-            "group_warm_ms": _post_ms(client, cold),
-            "zoom_ms": _post_ms(client, zooms),
-            "bytes_per_point": round(stored, 1),
-        }
+    return (runs_dir / _DATABASE).stat().st_size / (sizes.runs * sizes.points)
 
 
-def _measure_lists(runs_dir: Path) -> dict[str, float]:
-    for index in range(LISTED):
-        config = RunConfig.for_task("reaching", seed=index, alpha=(index % 100) / 100)
-        RunFolder.create(runs_dir, UUID(int=uuid4().int), config)
-    with _dashboard(runs_dir) as client:
-        return {
-            "list_ms": _get_ms(client, {"limit": "200"}),
-            "filter_ms": _get_ms(client, {"limit": "200", "config.alpha": "0.5", "search": "seed"}),
-            "sort_ms": _get_ms(client, {"limit": "200", "sort": "-name"}),
-        }
+def measure_series(
+    served: Served, sizes: Sizes, bytes_per_point: float
+) -> tuple[list[dict[str, Any]], dict[str, Any]]:
+    """Figures of `SERIES`, and their samples."""
+    body = {"filter": {}, "group_by": "all_but_seed", "metrics": [METRIC], "band": "ci95"}
+    views = itertools.count(1000)
+    cold = [body | {"max_points": next(views)} for _ in range(sizes.repeats)]
+    begins = np.linspace(0, 0.8 * sizes.points, sizes.repeats).astype(int).tolist()
+    zooms = [body | {"range": [begin, begin + 0.15 * sizes.points]} for begin in begins]
+    samples = {
+        "group_cold_ms": _post_ms(served.http, cold),
+        "group_warm_ms": _post_ms(served.http, cold),
+        "zoom_ms": _post_ms(served.http, zooms),
+        "bytes_per_point": [bytes_per_point],
+    }
+    return results(SERIES, medians(samples)), samples
 
 
-def _measure_ingest(runs_dir: Path) -> dict[str, float]:
+def make_lists(runs_dir: Path, sizes: Sizes) -> None:
+    """Finished runs, each with an iteration done."""
+    rng = np.random.default_rng(0)
+    for index, value in enumerate(rng.normal(-100, 20, sizes.listed).tolist()):
+        config = RunConfig.for_task(TASK, seed=index, alpha=(index % 100) / 100)
+        folder = RunFolder.create(runs_dir, UUID(int=uuid4().int), config)
+        folder.append_metrics({"iteration": 0, METRIC: value, "length": 20.0, "weights_version": 1})
+        folder.set_state("finished")
+
+
+def measure_lists(served: Served, sizes: Sizes) -> tuple[list[dict[str, Any]], dict[str, Any]]:
+    """Figures of `LISTS`, and their samples."""
+
+    def get_ms(query: dict[str, str]) -> list[float]:
+        call = lambda _: served.http.get("/api/v1/runs", params={"limit": "200"} | query)  # noqa: E731
+        return _times_ms(call, range(sizes.repeats))
+
+    samples = {
+        "list_ms": get_ms({}),
+        "filter_ms": get_ms({"config.alpha": "0.5", "search": "seed"}),
+        "sort_ms": get_ms({"sort": "-return_best"}),
+    }
+    return results(LISTS, medians(samples)), samples
+
+
+def measure_ingest(runs_dir: Path, sizes: Sizes) -> tuple[list[dict[str, Any]], dict[str, Any]]:
+    """Figures of `INGEST`: a file of many lines from the start."""
     folder = runs_dir / str(uuid4())
     folder.mkdir(parents=True)
     rng = np.random.default_rng(0)
     with (folder / "metrics.jsonl").open("w") as file:
-        for iteration, values in enumerate(rng.normal(size=(LINES, METRICS)).tolist()):
+        for iteration, values in enumerate(rng.normal(size=(sizes.lines, _METRICS)).tolist()):
             record = {f"metric_{index}": value for index, value in enumerate(values)}
             file.write(json.dumps({"iteration": iteration, **record}) + "\n")
     database = Database(sqlite_url(runs_dir / _DATABASE))
@@ -122,53 +127,26 @@ def _measure_ingest(runs_dir: Path) -> dict[str, float]:
     points = ingest.poll()
     seconds = time.perf_counter() - start_s
     database.close()
-    return {"points_per_s": round(points / seconds)}
+    samples = {"points_per_s": [points / seconds]}
+    return results(INGEST, medians(samples)), samples
 
 
-@contextlib.contextmanager
-def _dashboard(runs_dir: Path) -> Iterator[httpx.Client]:
-    """A dashboard on these runs, without a message bus, once it has indexed them."""
-    command = [sys.executable, "-m", "bpn_dashboard", "--runs-dir", str(runs_dir), "--port", "0"]
-    with subprocess.Popen(  # noqa: S603 - ours
-        [*command, "--connect", f"unixsock-stream/{runs_dir}/none"],
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,
-        env=os.environ | {"OMP_NUM_THREADS": "1"},
-    ) as process:
-        try:
-            yield _client(runs_dir / ADDRESS_FILE)
-        finally:
-            process.terminate()
+def medians(samples: dict[str, list[float]]) -> dict[str, float]:
+    """The median of each."""
+    return {name: statistics.median(values) for name, values in samples.items()}
 
 
-def _client(address_file: Path) -> httpx.Client:
-    deadline_s = time.monotonic() + _START_S
-    while time.monotonic() < deadline_s:
-        with contextlib.suppress(OSError, ValueError, httpx.HTTPError):
-            address = json.loads(address_file.read_bytes())
-            headers = {"Authorization": f"Bearer {address['token']}"}
-            client = httpx.Client(base_url=address["url"], headers=headers, timeout=60)
-            client.get("/readyz").raise_for_status()
-            return client
-        time.sleep(0.1)
-    raise TimeoutError(f"the dashboard was not ready within {_START_S:.0f} s")
-
-
-def _post_ms(client: httpx.Client, bodies: list[dict[str, Any]]) -> float:
+def _post_ms(client: httpx.Client, bodies: list[dict[str, Any]]) -> list[float]:
     headers = {"Accept": "application/vnd.bpn.series"}
-    return _median_ms(
+    return _times_ms(
         lambda body: client.post("/api/v1/series/query", json=body, headers=headers), bodies
     )
 
 
-def _get_ms(client: httpx.Client, query: dict[str, str]) -> float:
-    return _median_ms(lambda _: client.get("/api/v1/runs", params=query), range(REPEATS))
-
-
-def _median_ms(call: Any, arguments: Any) -> float:
-    times_s = []
+def _times_ms(call: Callable[[Any], httpx.Response], arguments: Iterable[Any]) -> list[float]:
+    times_ms = []
     for argument in arguments:
         start_s = time.perf_counter()
         call(argument).raise_for_status()
-        times_s.append(time.perf_counter() - start_s)
-    return round(1e3 * statistics.median(times_s), 1)
+        times_ms.append(round(1e3 * (time.perf_counter() - start_s), 1))
+    return times_ms

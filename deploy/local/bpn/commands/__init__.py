@@ -1,1 +1,1 @@
-"""One module for each `bpn` command: `add(subparsers)` declares its options, `run(options)` does it."""
+"""One module for each `bpn` command: `add_options(parser)` declares its options, `run(options)` does it."""

@@ -3,21 +3,34 @@
 import argparse
 import importlib
 import json
+from typing import Any
+
+from bpn_shared.config import ConfigError
 
 
-def add(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
-    parser = subparsers.add_parser(
-        "bench", help="measure kernel, learner, loop or dashboard", description=__doc__
-    )
+def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("what", choices=("kernel", "learner", "loop", "dashboard"))
     parser.add_argument("--json", action="store_true", help="print one JSON object")
+    parser.add_argument(
+        "--parts",
+        metavar="A,B",
+        help="of dashboard, some of series, lists, ingest, cameras, deaf, browser (default all)",
+    )
+    parser.add_argument(
+        "--quick", action="store_true", help="of dashboard: small, to see that everything works"
+    )
     parser.set_defaults(run=run)
 
 
 def run(options: argparse.Namespace) -> int:
     """Runs one benchmark; its dependencies are loaded only then. Exit status 1 if it misses a target."""
+    given: dict[str, Any] = {"quick": True} if options.quick else {}
+    if options.parts is not None:
+        given["parts"] = options.parts.split(",")
+    if given and options.what != "dashboard":
+        raise ConfigError(f"--parts and --quick are of `bpn bench dashboard`, not {options.what}")
     benchmark = importlib.import_module(f"bpn.bench.{options.what}")
-    result = benchmark.run()
+    result = benchmark.run(**given)
     if options.json:
         print(json.dumps(result))
     else:

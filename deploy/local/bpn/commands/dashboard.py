@@ -5,13 +5,13 @@ import sys
 
 from bpn.dashboard import Dashboard
 from bpn.options import add_runs_dir
+from bpn_dashboard.database.engine import Database, DatabaseError
+from bpn_dashboard.registry.store import RunStore
+from bpn_dashboard.service import database_url
 from bpn_shared.config import ConfigError
 
 
-def add(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
-    parser = subparsers.add_parser(
-        "dashboard", help="care of the dashboard's database", description=__doc__
-    )
+def add_options(parser: argparse.ArgumentParser) -> None:
     actions = parser.add_subparsers(required=True, metavar="ACTION")
     action = actions.add_parser(
         "reindex",
@@ -29,11 +29,6 @@ def reindex(options: argparse.Namespace) -> int:
     Raises:
         ConfigError: a dashboard is running on these runs, or the database cannot be used.
     """
-    # Here, not above: every other command would take half as long again to begin.
-    from bpn_dashboard.database.engine import Database, DatabaseError  # noqa: PLC0415
-    from bpn_dashboard.registry.store import RunStore  # noqa: PLC0415
-    from bpn_dashboard.service import database_url  # noqa: PLC0415
-
     running = Dashboard.find(options.runs_dir)
     if running is not None:
         raise ConfigError(f"the dashboard at {running.url} uses the database: stop it first")

@@ -14,8 +14,7 @@ from bpn_edge.kernel import native
 from bpn_shared.bus.session import DEFAULT_ENDPOINT
 
 
-def add(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
-    parser = subparsers.add_parser("doctor", help="check this machine", description=__doc__)
+def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--json", action="store_true", help="print one JSON object")
     parser.set_defaults(run=run)
 

@@ -19,8 +19,7 @@ _LIMIT = 200
 Action = Callable[[argparse.Namespace, Dashboard], Any]
 
 
-def add(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
-    parser = subparsers.add_parser("runs", help="list, start and stop runs", description=__doc__)
+def add_options(parser: argparse.ArgumentParser) -> None:
     actions = parser.add_subparsers(required=True, metavar="ACTION")
 
     listing = _action(actions, "ls", _list, "list runs, newest first")
@@ -98,14 +97,14 @@ def _list(options: argparse.Namespace, dashboard: Dashboard) -> None:
     table = Table(box=None, header_style="bold", pad_edge=False)
     for name in ("id", "name", "state"):
         table.add_column(name, no_wrap=name != "name")
-    for name in ("iteration", "return px", "best px", "age"):
+    for name in ("iteration", "return", "best", "age"):
         table.add_column(name, justify="right", no_wrap=True)
     for item in items:
-        returns = item["summary"]["return_px"]
+        returns = item["summary"]["returns"]
         table.add_row(
             item["id"][-12:], item["name"], item["state"],
             f"{item['iteration']}/{item['iterations']}",
-            _number(returns["last"]), _number(returns["best"]), _age(item["created_at_unix_s"]),
+            _return(returns, "last"), _return(returns, "best"), _age(item["created_at_unix_s"]),
         )  # fmt: skip
     console = Console()
     console.print(table)
@@ -161,14 +160,14 @@ def _print(options: argparse.Namespace, item: dict[str, Any]) -> None:
 
 
 def _rows(item: dict[str, Any]) -> Sequence[tuple[str, str]]:
-    returns = item["summary"]["return_px"]
+    returns = item["summary"]["returns"]
     config = item["config"]
     told = {
         "id": item["id"],
         "name": item["name"],
         "state": item["state"] + (f": {item['error']}" if item["error"] else ""),
         "iterations": f"{item['iteration']} of {item['iterations']}, attempt {item['attempt']}",
-        "return": f"last {_number(returns['last'])} px, best {_number(returns['best'])} px",
+        "return": f"last {_return(returns, 'last')}, best {_return(returns, 'best')}",
         "weights version": str(item["weights_version"] or 0),
         "tags": ", ".join(item["tags"]),
         "notes": item["notes"],
@@ -177,8 +176,9 @@ def _rows(item: dict[str, Any]) -> Sequence[tuple[str, str]]:
     return [*told.items(), *((f"  {key}", str(config[key])) for key in sorted(config))]
 
 
-def _number(value: float | None) -> str:
-    return "–" if value is None else f"{value:.1f}"
+def _return(returns: dict[str, Any], which: str) -> str:
+    value = returns[which]
+    return "–" if value is None else f"{value:.1f} {returns['unit']}".rstrip()
 
 
 def _age(since_unix_s: float) -> str:

@@ -26,8 +26,7 @@ _NOTICED_S = 8.0
 _AGAIN_S = 0.5
 
 
-def add(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
-    parser = subparsers.add_parser("train", help="train a policy", description=__doc__)
+def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("task", nargs="?", metavar="TASK", help=f"one of: {_TASKS}")
     parser.add_argument("--resume", metavar="RUN", help="go on with this run (id or its end)")
     parser.add_argument("--json", action="store_true", help="print one final JSON object only")

@@ -13,6 +13,7 @@ import uuid_utils
 from sqlalchemy import Select, delete, select
 
 from bpn_dashboard.access.roles import Identity, Role
+from bpn_dashboard.database import audit
 from bpn_dashboard.database.access_tables import SecretRow, TokenRow
 from bpn_dashboard.database.engine import Database
 
@@ -32,13 +33,20 @@ class Tokens:
         self._database = database
 
     def issue(
-        self, kind: Kind, name: str, role: Role, *, lifetime_s: float | None = None
+        self,
+        kind: Kind,
+        name: str,
+        role: Role,
+        *,
+        lifetime_s: float | None = None,
+        actor: str = audit.OURSELVES,
     ) -> tuple[TokenRow, str]:
         """A new one; its secret is the second value, and cannot be had again."""
         row, secret = _new(kind, name, role, lifetime_s)
         with self._database.writing() as session:
             session.execute(delete(TokenRow).where(TokenRow.expires_at < time.time()))
             session.add(row)
+            audit.record(session, actor, f"create_{kind}", row.id, name=name, role=role)
         return row, secret
 
     def identify(self, secret: str) -> Identity | None:
@@ -68,6 +76,7 @@ class Tokens:
                 session.delete(found)
             row, session_secret = _new("session", found.name, cast(Role, found.role), SESSION_S)
             session.add(row)
+            audit.record(session, row.name, "log_in", row.id, role=row.role, by=found.kind)
         return _identity(row), session_secret
 
     def list(self) -> list[TokenRow]:
@@ -81,14 +90,21 @@ class Tokens:
             )
             return [*rows]
 
-    def revoke(self, token_id: str, kinds: Sequence[Kind] = ("token", "session")) -> bool:
+    def revoke(
+        self,
+        token_id: str,
+        kinds: Sequence[Kind] = ("token", "session"),
+        *,
+        actor: str = audit.OURSELVES,
+    ) -> bool:
         """Makes one of these kinds worthless from now on; whether there was one of that id."""
         with self._database.writing() as session:
             row = session.get(TokenRow, token_id)
-            found = row is not None and row.kind in kinds
-            if found:
-                session.delete(row)
-        return found
+            if row is None or row.kind not in kinds:
+                return False
+            session.delete(row)
+            audit.record(session, actor, f"revoke_{row.kind}", row.id, name=row.name, role=row.role)
+        return True
 
 
 def secret_key(database: Database, name: str) -> bytes:

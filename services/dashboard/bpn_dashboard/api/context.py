@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Annotated, Any, cast
+from typing import Annotated, cast
 
 from fastapi import Depends
 from starlette.requests import HTTPConnection
@@ -13,14 +13,11 @@ from bpn_dashboard.access.tokens import Tokens, secret_key
 from bpn_dashboard.api.pages import Cursors
 from bpn_dashboard.api.problems import ApiError
 from bpn_dashboard.database.engine import Database
+from bpn_dashboard.hub.topology import Topology, TopologySnapshot
 from bpn_dashboard.registry.store import RunStore
 from bpn_dashboard.series.ingest import Ingest
 from bpn_dashboard.series.query import SeriesQueries
 from bpn_shared.service import Counters
-
-
-def _no_topology() -> dict[str, Any]:
-    return {"nodes": [], "edges": []}
 
 
 @dataclass
@@ -28,7 +25,8 @@ class Context:
     """The parts of the dashboard that its operations use.
 
     Attributes:
-        topology: who is alive and talks to whom, as JSON.
+        topology: who is alive and talks to whom.
+        obstacle: what keeps workers from being given work; None: nothing.
         secure: browsers reach the dashboard over TLS.
         open_metrics: /metrics needs no token from loopback.
     """
@@ -37,7 +35,8 @@ class Context:
     runs: RunStore
     ingest: Ingest
     counters: Counters
-    topology: Callable[[], dict[str, Any]] = _no_topology
+    topology: Callable[[], TopologySnapshot] = Topology().snapshot
+    obstacle: Callable[[], str | None] = lambda: None
     secure: bool = False
     open_metrics: bool = False
     wrong_tokens: WrongTokens = field(default_factory=WrongTokens)

@@ -35,7 +35,9 @@ class EpisodeItem(BaseModel):
     iteration: int
     episode: int
     steps: int
-    return_px: Annotated[float | None, Field(description="null until the iteration is learned")]
+    episode_return: Annotated[
+        float | None, Field(description="sum of rewards; null until the iteration is learned")
+    ]
     weights_version: int
     slot: int
     worker: str
@@ -58,7 +60,7 @@ class EpisodeSteps(BaseModel):
     action_names: Annotated[list[str], Field(description="of all actions, by number")]
     outputs: Annotated[list[list[float]], Field(description="the network's o for each action")]
     preferences: Annotated[list[list[float]], Field(description="P = lambda * o")]
-    rewards_px: Annotated[list[float] | None, Field(description="null until it is learned from")]
+    rewards: Annotated[list[float] | None, Field(description="null until it is learned from")]
     weights_version: int
     scale: Annotated[float, Field(description="lambda of these weights")]
     camera_to_action_us: Annotated[
@@ -91,7 +93,7 @@ def list_episodes(
                 iteration=meta.iteration,
                 episode=meta.episode,
                 steps=steps,
-                return_px=returns[meta.episode] if meta.episode < len(returns) else None,
+                episode_return=returns[meta.episode] if meta.episode < len(returns) else None,
                 weights_version=meta.weights_version,
                 slot=meta.slot,
                 worker=meta.worker,
@@ -123,7 +125,7 @@ def get_episode(
         action_names=list(config.task_spec.action_names),
         outputs=stored.outputs.tolist(),
         preferences=(stored.outputs * scale).tolist(),
-        rewards_px=_rewards_px(folder, iteration, episode),
+        rewards=_rewards(folder, iteration, episode),
         weights_version=stored.meta.weights_version,
         scale=scale,
         camera_to_action_us=[value or None for value in waited_us.tolist()],
@@ -187,7 +189,7 @@ def _scale(path: Path) -> float:
         raise ApiError(422, "damaged-weights", "the episode's weights cannot be read") from error
 
 
-def _rewards_px(folder: RunFolder, iteration: int, episode: int) -> list[float] | None:
+def _rewards(folder: RunFolder, iteration: int, episode: int) -> list[float] | None:
     record = record_of(folder.path / "rewards.jsonl", iteration)
     rewards = record.get("rewards_px", []) if record else []
     return list(rewards[episode]) if episode < len(rewards) else None

@@ -7,6 +7,7 @@ from pydantic import AfterValidator, BaseModel, Field
 from bpn_dashboard.api.configs import Request, RunChanges, SweepGrid, differ
 from bpn_dashboard.database.tables import RunRow, SweepRow
 from bpn_shared.run_folder import State
+from bpn_shared.tasks import RETURN_PX, return_metric
 
 MAX_IDS = 1000
 
@@ -18,8 +19,10 @@ MetricName = Annotated[str, Field(min_length=1, max_length=200)]
 
 
 class ReturnSummary(BaseModel):
-    """Returns of the iterations done, in pixels."""
+    """Mean returns of the iterations done."""
 
+    metric: Annotated[str, Field(description="its name among the run's metrics")]
+    unit: Annotated[str, Field(description="px, or nothing where the environment has its own")]
     last: float | None
     best: float | None
     mean_last_5: float | None
@@ -34,7 +37,7 @@ class LengthSummary(BaseModel):
 class RunSummary(BaseModel):
     """Where the learning stands."""
 
-    return_px: ReturnSummary
+    returns: ReturnSummary
     length: LengthSummary
 
 
@@ -67,14 +70,17 @@ class Run(BaseModel):
     @classmethod
     def of(cls, row: RunRow) -> Self:
         """The row as the API shows it."""
+        metric = return_metric(row.task)
         same = {name: getattr(row, name) for name in cls.model_fields if hasattr(RunRow, name)}
         return cls.model_construct(
             **same,
             summary=RunSummary(
-                return_px=ReturnSummary(
-                    last=row.return_px_last,
-                    best=row.return_px_best,
-                    mean_last_5=row.return_px_mean_last_5,
+                returns=ReturnSummary(
+                    metric=metric,
+                    unit="px" if metric == RETURN_PX else "",
+                    last=row.return_last,
+                    best=row.return_best,
+                    mean_last_5=row.return_mean_last_5,
                 ),
                 length=LengthSummary(last=row.length_last),
             ),

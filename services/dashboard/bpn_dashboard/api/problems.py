@@ -11,6 +11,7 @@ from fastapi import FastAPI, Request
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import Response
 from pydantic import BaseModel, Field
+from sqlalchemy.exc import DataError
 from starlette.exceptions import HTTPException
 
 from bpn_dashboard.registry.errors import (
@@ -115,6 +116,12 @@ def install(app: FastAPI) -> None:
         ]
         return problem_response(problem, request_id(request))
 
+    async def unstorable(request: Request, _error: Exception) -> Response:
+        detail = (
+            "the database cannot hold one of the values: a number too large, or a NUL in a text"
+        )
+        return problem_response(Problem.of(422, "invalid-request", detail), request_id(request))
+
     async def unexpected(request: Request, _error: Exception) -> Response:
         detail = "the server failed; its log has the reason under the request's id"
         return problem_response(Problem.of(500, "internal", detail), request_id(request))
@@ -123,6 +130,7 @@ def install(app: FastAPI) -> None:
         app.add_exception_handler(kind, expected)
     app.add_exception_handler(HTTPException, http)  # type: ignore[arg-type] # Starlette types handlers too wide
     app.add_exception_handler(RequestValidationError, invalid)  # type: ignore[arg-type]
+    app.add_exception_handler(DataError, unstorable)  # servers are stricter than SQLite
     app.add_exception_handler(Exception, unexpected)
 
 

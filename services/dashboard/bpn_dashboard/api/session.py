@@ -108,7 +108,7 @@ def get_session(who: Viewer) -> Session:
 @router.delete("/session", operation_id="logOut", status_code=204)
 def log_out(who: Viewer, parts: Parts, response: Response) -> None:
     """Ends the session. Tokens for scripts stay: an admin revokes them."""
-    parts.tokens.revoke(who.id, ["session"])
+    parts.tokens.revoke(who.id, ["session"], actor=who.name)
     response.delete_cookie(parts.cookie, path="/", secure=parts.secure, httponly=True)
 
 
@@ -117,7 +117,7 @@ def create_link(who: Operator, parts: Parts, body: LinkNew) -> Link:
     """A token that logs in one browser once, within a day: open the dashboard with #token=TOKEN."""
     if not who.may(body.role):
         raise ApiError(403, "role", f"a link for {body.role} needs that role; yours is {who.role}")
-    _, secret = parts.tokens.issue("link", who.name, body.role, lifetime_s=LINK_S)
+    _, secret = parts.tokens.issue("link", who.name, body.role, lifetime_s=LINK_S, actor=who.name)
     return Link(token=secret, role=body.role)
 
 
@@ -128,18 +128,20 @@ def list_tokens(_who: Admin, parts: Parts) -> TokenList:
 
 
 @router.post("/tokens", operation_id="createToken", status_code=201, responses=responses(422))
-def create_token(_who: Admin, parts: Parts, body: TokenNew) -> TokenMade:
+def create_token(who: Admin, parts: Parts, body: TokenNew) -> TokenMade:
     """A token for scripts: send it as `Authorization: Bearer TOKEN`."""
-    row, secret = parts.tokens.issue("token", body.name, body.role, lifetime_s=body.lifetime_s)
+    row, secret = parts.tokens.issue(
+        "token", body.name, body.role, lifetime_s=body.lifetime_s, actor=who.name
+    )
     return TokenMade(**_shown(row), token=secret)
 
 
 @router.delete(
     "/tokens/{token_id}", operation_id="revokeToken", status_code=204, responses=responses(404)
 )
-def revoke_token(_who: Admin, parts: Parts, token_id: str) -> None:
+def revoke_token(who: Admin, parts: Parts, token_id: str) -> None:
     """Makes a token or session worthless from now on."""
-    if not parts.tokens.revoke(token_id):
+    if not parts.tokens.revoke(token_id, actor=who.name):
         raise ApiError(404, "unknown-token", "there is no token of that id")
 
 

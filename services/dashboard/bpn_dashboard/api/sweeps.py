@@ -16,6 +16,7 @@ from bpn_dashboard.api.models import MetricName, Sweep, SweepNew
 from bpn_dashboard.api.problems import responses
 from bpn_dashboard.database.tables import RunRow, SweepRow
 from bpn_dashboard.registry.query import RunFilter
+from bpn_shared.tasks import return_metric
 
 router = APIRouter(tags=["sweeps"])
 
@@ -67,7 +68,9 @@ class Heatmap(BaseModel):
 class _Axes(BaseModel):
     x: ConfigKey
     y: ConfigKey
-    metric: MetricName = "return_px"
+    metric: Annotated[
+        MetricName | None, Field(description="null: the return, as the runs' task has it")
+    ] = None
     value: Annotated[
         Literal["best_mean", "last_mean"],
         Field(description="mean over runs of each run's largest, or newest, value"),
@@ -154,7 +157,8 @@ def _shown(parts: Context, rows: Sequence[SweepRow]) -> list[Sweep]:
 
 def _heatmap(parts: Context, runs: RunFilter, query: _Axes) -> Heatmap:
     rows = parts.runs.find(runs)
-    ends = parts.series.ends([row.id for row in rows], query.metric)
+    metric = query.metric or return_metric(rows[0].task if rows else "")
+    ends = parts.series.ends([row.id for row in rows], metric)
     cells: dict[tuple[Any, Any], list[RunRow]] = defaultdict(list)
     for row in rows:
         if row.id in ends:
@@ -171,7 +175,7 @@ def _heatmap(parts: Context, runs: RunFilter, query: _Axes) -> Heatmap:
     return Heatmap(
         x=HeatmapAxis(key=query.x, values=sorted({row.config[query.x] for row in rows})),
         y=HeatmapAxis(key=query.y, values=sorted({row.config[query.y] for row in rows})),
-        metric=query.metric,
+        metric=metric,
         value=query.value,
         cells=shown,
     )

@@ -9,6 +9,7 @@ from sqlalchemy import select
 from bpn_dashboard.api.context import Admin, Parts, Viewer
 from bpn_dashboard.api.problems import ApiError, responses
 from bpn_dashboard.database.tables import AuditRow
+from bpn_dashboard.hub.topology import TopologySnapshot
 
 router = APIRouter(tags=["system"])
 health_router = APIRouter(tags=["health"])
@@ -49,7 +50,7 @@ class Health(BaseModel):
 
 
 @router.get("/system/topology", operation_id="getTopology")
-def get_topology(_who: Viewer, parts: Parts) -> dict[str, Any]:
+def get_topology(_who: Viewer, parts: Parts) -> TopologySnapshot:
     """Who is alive, what each waits for, and what flows between them."""
     return parts.topology()
 
@@ -89,8 +90,9 @@ def healthz() -> Health:
 
 @health_router.get("/readyz", operation_id="getReadiness", responses=responses(503))
 def readyz(parts: Parts) -> Health:
-    """The database answers and metrics are taken in."""
+    """The database answers, metrics are taken in, and workers are given work over the bus."""
     parts.series.revision()
-    if not parts.ingest.alive:
-        raise ApiError(503, "not-ready", "metrics are not taken in")
+    obstacle = parts.obstacle() if parts.ingest.alive else "metrics are not taken in"
+    if obstacle is not None:
+        raise ApiError(503, "not-ready", obstacle)
     return Health()

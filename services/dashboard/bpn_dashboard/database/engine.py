@@ -5,6 +5,7 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import psutil
 from alembic import command
@@ -12,7 +13,7 @@ from alembic.config import Config
 from alembic.runtime.migration import MigrationContext
 from alembic.script import ScriptDirectory
 from sqlalchemy import Connection, Engine, create_engine, event
-from sqlalchemy.engine import make_url
+from sqlalchemy.engine import URL, make_url
 from sqlalchemy.exc import ArgumentError, NoSuchModuleError, OperationalError
 from sqlalchemy.orm import Session
 from sqlalchemy.pool import ConnectionPoolEntry
@@ -44,7 +45,7 @@ class Database:
 
     def __init__(self, url: str) -> None:
         try:
-            self._engine = create_engine(url)
+            self._engine = create_engine(url, **_options(make_url(url)))
         except (ArgumentError, NoSuchModuleError, ModuleNotFoundError) as error:
             raise DatabaseError(
                 f"{url!r} is no database that can be used: {error}. "
@@ -98,6 +99,13 @@ class Database:
             command.upgrade(config, "head")
             connection.commit()
         self._engine.dispose()  # with its pragma
+
+
+def _options(url: URL) -> dict[str, Any]:
+    """For a server: sessions that see one state throughout, and connections that outlive its restart."""
+    if url.get_backend_name() == "sqlite":
+        return {}
+    return {"isolation_level": "REPEATABLE READ", "pool_pre_ping": True}
 
 
 def _pragma(connection: Connection, statement: str) -> None:

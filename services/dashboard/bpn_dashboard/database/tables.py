@@ -51,7 +51,7 @@ class RunRow(Base):
 
     __tablename__ = "runs"
     __table_args__ = (
-        Index(None, "created_at", "id"),
+        Index(None, "archived_at", "created_at", "id"),  # what the list of runs shows first
         Index(None, "state"),
         Index(None, "sweep_id"),
     )
@@ -72,9 +72,10 @@ class RunRow(Base):
     """Iterations done."""
     iterations: Mapped[int]
     weights_version: Mapped[int | None]
-    return_px_last: Mapped[float | None]
-    return_px_best: Mapped[float | None]
-    return_px_mean_last_5: Mapped[float | None]
+    return_last: Mapped[float | None]
+    """Mean return of the newest iteration, as of the next two in the unit of the run's return metric."""
+    return_best: Mapped[float | None]
+    return_mean_last_5: Mapped[float | None]
     length_last: Mapped[float | None]
     error: Mapped[str]
 
@@ -97,5 +98,5 @@ class AuditRow(Base):
     actor: Mapped[str]
     action: Mapped[str]
     subject: Mapped[str] = mapped_column(index=True)
-    """The id of the run or sweep."""
+    """The id of the run, sweep or token."""
     detail: Mapped[dict[str, Any]]

@@ -12,9 +12,9 @@ from bpn_dashboard.hub.sources import Close, sources
 from bpn_dashboard.hub.topics import DELIVERY, Topic
 from bpn_dashboard.hub.topology import Topology
 from bpn_shared import keys
+from bpn_shared.bus.liveliness import TokenWatch
 from bpn_shared.bus.session import Bus
 from bpn_shared.bus.telemetry import TelemetryWatch
-from bpn_shared.bus.watch import WatchAlive
 from bpn_shared.service import Counters
 
 MAX_CLIENTS = 100
@@ -38,18 +38,20 @@ class Hub:
     Args:
         name: of this life of the server: another one after a restart.
         counters: `live_refused`, `telemetry_refused`, `live_clients`, `live_clients_refused`.
+        topology: is told who is alive and how.
     """
 
-    def __init__(self, bus: Bus, runs_dir: Path, counters: Counters, name: str) -> None:
+    def __init__(
+        self, bus: Bus, runs_dir: Path, counters: Counters, name: str, topology: Topology
+    ) -> None:
         self._loop = asyncio.get_running_loop()
         self._counters = counters
         self.name = name
-        self.topology = Topology()
         self._watches = (
-            TelemetryWatch(bus, self.topology.hear, counters),
-            WatchAlive(bus, keys.live("*", "*"), self.topology.token),
+            TelemetryWatch(bus, topology.hear, counters),
+            TokenWatch(bus, keys.live("*", "*"), topology.token),
         )
-        self._sources = sources(bus, runs_dir, self.topology, counters)
+        self._sources = sources(bus, runs_dir, topology, counters)
         self._open: dict[Topic, _Open] = {}
         self._clients: set[Client] = set()
         self._runs = self._acquire(Topic("runs"))  # changes are kept whether anyone looks or not

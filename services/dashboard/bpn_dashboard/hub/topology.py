@@ -14,6 +14,7 @@ from typing import Literal
 
 from pydantic import BaseModel, ConfigDict
 
+from bpn_shared import keys
 from bpn_shared.messages.telemetry import KeyTraffic, Percentiles, Telemetry, WeightsEvent
 
 STALE_AFTER_S = 3.0
@@ -164,10 +165,10 @@ class Topology:
         self._lock = threading.Lock()
         self._known: dict[tuple[str, str], _Known] = {}
 
-    def token(self, kind: str, worker: str, alive: bool) -> None:
-        """A liveliness token appeared or went."""
+    def token(self, key: str, alive: bool) -> None:
+        """The liveliness token at this key appeared or went."""
         with self._lock:
-            known = self._of(kind, worker)
+            known = self._of(*keys.worker_of(key))
             known.token, known.changed_s = alive, self._now_s()
 
     def hear(self, report: Telemetry) -> None:

@@ -41,6 +41,8 @@ _ROLE: TypeAdapter[Role] = TypeAdapter(Role)
 _NOT_OVER = ("queued", "running", "stopping", "stopped", "lost")
 _RELEASE_TIMEOUT_S = 1.0
 _RELEASE_AGAIN_S = 1.0
+_SERVED_WITHIN_S = 15.0
+"""A round waits at most a second for each worker that does not let go; longer, and something is wrong."""
 
 
 class _Lost(NamedTuple):
@@ -74,6 +76,7 @@ class Dispatcher:
         self._crash_loops = CrashLoops()
         self._given_up: dict[str, str] = {}
         self._adopt_at_s = 0.0
+        self._served_s = time.monotonic()
         self._thread = threading.Thread(target=self._run, name="dispatcher", daemon=True)
         self._counters = counters
 
@@ -97,8 +100,9 @@ class Dispatcher:
 
     @property
     def alive(self) -> bool:
-        """Whether it serves."""
-        return self._thread.is_alive()
+        """Whether its rounds go on and succeed."""
+        served = time.monotonic() - self._served_s < _SERVED_WITHIN_S
+        return served and self._thread.is_alive()
 
     # On other threads
 
@@ -108,7 +112,7 @@ class Dispatcher:
         self._news.set()
 
     def _on_worker(self, key: str, appeared: bool) -> None:
-        worker = key.rsplit("/", 1)[-1]
+        _, worker = keys.worker_of(key)
         with self._lock:
             if appeared:
                 self._alive.add(worker)
@@ -172,6 +176,7 @@ class Dispatcher:
             self._news.clear()
             try:
                 self._tick()
+                self._served_s = time.monotonic()
             except Exception:
                 log.exception("the registry's round failed, and is tried again")
                 self._closed.wait(PERIOD_S)

@@ -5,10 +5,9 @@ from collections import deque
 from typing import Any
 
 from bpn_shared.run_folder import RunFolder
+from bpn_shared.tasks import RETURN, RETURN_PX
 
 _MEAN_OF = 5
-RETURN_PX, RETURN = "return_px", "return"
-"""Mean return of an iteration: in pixels, or of a gym: task in its environment's unit."""
 
 
 class Progress:
@@ -21,8 +20,8 @@ class Progress:
     def _begin(self) -> None:
         self._offset_bytes = 0
         self._last: dict[str, Any] | None = None
-        self._returns_px: deque[float] = deque(maxlen=_MEAN_OF)
-        self._best_px: float | None = None
+        self._returns: deque[float] = deque(maxlen=_MEAN_OF)
+        self._best: float | None = None
 
     def read(self) -> dict[str, Any]:
         """Iterations done and what they came to, by column of `RunRow`."""
@@ -37,9 +36,9 @@ class Progress:
         return {
             "iteration": last["iteration"] + 1,
             "weights_version": last["weights_version"],
-            "return_px_last": self._returns_px[-1],
-            "return_px_best": self._best_px,
-            "return_px_mean_last_5": sum(self._returns_px) / len(self._returns_px),
+            "return_last": self._returns[-1],
+            "return_best": self._best,
+            "return_mean_last_5": sum(self._returns) / len(self._returns),
             "length_last": last["length"],
         }
 
@@ -57,9 +56,9 @@ class Progress:
         return whole.splitlines()
 
     def _take(self, record: dict[str, Any]) -> None:
-        return_px = float(record[RETURN_PX] if RETURN_PX in record else record[RETURN])
+        mean_return = float(record[RETURN_PX] if RETURN_PX in record else record[RETURN])
         if self._last is not None and record["iteration"] <= self._last["iteration"]:
-            self._returns_px.pop()  # after a crash an iteration may stand twice
+            self._returns.pop()  # after a crash an iteration may stand twice
         self._last = {key: record[key] for key in ("iteration", "weights_version", "length")}
-        self._returns_px.append(return_px)
-        self._best_px = return_px if self._best_px is None else max(self._best_px, return_px)
+        self._returns.append(mean_return)
+        self._best = mean_return if self._best is None else max(self._best, mean_return)

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from pydantic import TypeAdapter, ValidationError
-from sqlalchemy import ColumnElement, Select, String, and_, cast, func, or_, select
+from sqlalchemy import BigInteger, ColumnElement, Select, String, and_, cast, func, or_, select
 from sqlalchemy.orm import InstrumentedAttribute, Session
 
 from bpn_dashboard.database.tables import RunRow
@@ -20,8 +20,8 @@ SORT_KEYS: dict[str, InstrumentedAttribute[Any]] = {
     column.key: column
     for column in (
         RunRow.created_at, RunRow.updated_at, RunRow.name, RunRow.state, RunRow.task,
-        RunRow.algorithm, RunRow.seed, RunRow.iteration, RunRow.return_px_last,
-        RunRow.return_px_best, RunRow.return_px_mean_last_5,
+        RunRow.algorithm, RunRow.seed, RunRow.iteration, RunRow.return_last,
+        RunRow.return_best, RunRow.return_mean_last_5,
     )
 }  # fmt: skip
 
@@ -80,11 +80,10 @@ def find_page(
     query: Select[RunRow] = select(RunRow).where(*where)
     if after is not None:
         query = query.where(_behind(key, descending, after))
-    query = query.order_by(
-        key.is_(None),
-        key.desc() if descending else key.asc(),
-        RunRow.id.desc() if descending else RunRow.id.asc(),
-    )
+    # Only where it changes something: with an expression in the order no index can give it.
+    last = [key.is_(None)] if key.property.columns[0].nullable else []
+    columns = (key, RunRow.id)
+    query = query.order_by(*last, *(c.desc() if descending else c.asc() for c in columns))
     rows = list(session.scalars(query.limit(limit + 1)))
     more, rows = len(rows) > limit, rows[:limit]
     return Page(rows, (getattr(rows[-1], sort), rows[-1].id) if more else None, total)
@@ -138,7 +137,7 @@ def _config_is(key: str, text: str) -> ColumnElement[bool]:
 
 _AS_TYPE: dict[type, Callable[[Any], Any]] = {
     bool: lambda stored: stored.as_boolean(),
-    int: lambda stored: stored.as_integer(),
+    int: lambda stored: cast(stored.as_string(), BigInteger),  # seeds need more than 32 bits
     float: lambda stored: stored.as_float(),
     str: lambda stored: stored.as_string(),
 }

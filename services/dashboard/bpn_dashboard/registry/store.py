@@ -10,8 +10,9 @@ import uuid_utils
 from sqlalchemy import func, select
 from sqlalchemy.orm import Session
 
+from bpn_dashboard.database import audit
 from bpn_dashboard.database.engine import Database
-from bpn_dashboard.database.tables import AuditRow, RunRow, SweepRow
+from bpn_dashboard.database.tables import RunRow, SweepRow
 from bpn_dashboard.registry.about import About, SweepFile
 from bpn_dashboard.registry.errors import (
     RunBusyError,
@@ -115,7 +116,7 @@ class RunStore:
             row = self._new_run(config, name=name, notes=notes, tags=tags, sweep_id=None)
             with self._database.writing() as session:
                 session.add(row)
-                _audit(session, actor, "create", row.id, config=row.config)
+                audit.record(session, actor, "create", row.id, config=row.config)
         self._tell([row])
         return row
 
@@ -233,7 +234,7 @@ class RunStore:
             if not _apply(row, changes):
                 return row
             row.rev += 1
-            _audit(session, actor, action, run_id, **changes)
+            audit.record(session, actor, action, run_id, **changes)
             About.write(self.folder(run_id), row)
         self._tell([row])
         return row
@@ -293,7 +294,7 @@ class RunStore:
                 session.add(sweep)
                 session.flush()
                 session.add_all(rows)
-                _audit(session, actor, "create_sweep", sweep.id, name=name, runs=len(rows))
+                audit.record(session, actor, "create_sweep", sweep.id, name=name, runs=len(rows))
         self._tell(rows)
         return sweep
 
@@ -357,12 +358,6 @@ def _apply(row: RunRow, changes: Changes) -> bool:
     if news:
         row.updated_at = time.time()
     return bool(news)
-
-
-def _audit(session: Session, actor: str, action: str, subject: str, **detail: Any) -> None:
-    session.add(
-        AuditRow(at=time.time(), actor=actor, action=action, subject=subject, detail=detail)
-    )
 
 
 def _new_id() -> str:

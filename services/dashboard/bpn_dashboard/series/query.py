@@ -79,9 +79,12 @@ class SeriesQueries:
         self, groups: Sequence[Sequence[str]], metrics: Sequence[str], view: View
     ) -> list[Series]:
         """For every group of runs and every metric the curve, in this order."""
+        names = [*metrics, _AXIS_METRIC[view.axis]] if view.axis != "iteration" else metrics
         with self._database.reading() as session:
+            of_all = store.metrics_of(session, sorted({i for ids in groups for i in ids}), names)
+            rows = {(row.run_id, row.name): row for row in of_all}
             return [
-                self._one(session, run_ids, metric, view)
+                self._one(session, rows, sorted(set(run_ids)), metric, view)
                 for run_ids in groups
                 for metric in metrics
             ]
@@ -114,13 +117,17 @@ class SeriesQueries:
         with self._database.reading() as session:
             return store.newest_revision(session)
 
-    def _one(self, session: Session, run_ids: Sequence[str], metric: str, view: View) -> Series:
-        rows = store.metrics_of(session, sorted(set(run_ids)), [metric])
-        axes = (
-            store.metrics_of(session, [row.run_id for row in rows], [_AXIS_METRIC[view.axis]])
-            if view.axis != "iteration"
-            else []
-        )
+    def _one(
+        self,
+        session: Session,
+        found: Mapping[tuple[str, str], MetricRow],
+        run_ids: Sequence[str],
+        metric: str,
+        view: View,
+    ) -> Series:
+        rows = [found[run, metric] for run in run_ids if (run, metric) in found]
+        axis = _AXIS_METRIC.get(view.axis)
+        axes = [found[row.run_id, axis] for row in rows if axis and (row.run_id, axis) in found]
         key = metric, view, tuple((row.id, row.revision) for row in (*rows, *axes))
         with self._lock:
             if (known := self._known.get(key)) is not None:
@@ -216,10 +223,16 @@ def _reduce(
 ) -> tuple[list[Buckets], float]:
     """The points in [low, high] as they are if they stand at few enough x, otherwise whole buckets."""
     shown = [_cut(x, values, low, high) for x, values in parts]
-    if len(np.unique(np.concatenate([x for x, _ in shown]))) <= view.max_points:
+    if _are_few([x for x, _ in shown], view.max_points):
         return [bucketize(x, values) for x, values in shown], 0.0
     begin, end, width = _aligned(low, high, view.max_points)
     return [bucketize(*_cut(x, values, begin, end), width) for x, values in parts], width
+
+
+def _are_few(xs: Sequence[Floats], most: int) -> bool:
+    """Whether all of them together are at most so many different x; each has none twice."""
+    longest = max(len(x) for x in xs)
+    return longest <= most and len(np.unique(np.concatenate(xs))) <= most
 
 
 def _cut(x: Floats, values: Floats, low: float, high: float) -> tuple[Floats, Floats]:

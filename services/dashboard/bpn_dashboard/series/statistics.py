@@ -104,8 +104,17 @@ def _over_seeds(
         elif band == "ci95" and n > 1:
             # [k, resamples]: an x's resamples lie side by side in memory, which halves the time
             resampled = block.T @ _resampled_weights(n, statistic).T
-            edges[:, columns] = np.percentile(resampled, (2.5, 97.5), axis=1, overwrite_input=True)
+            resampled.sort(axis=1)
+            edges[:, columns] = _percentile(resampled, 0.025), _percentile(resampled, 0.975)
     return value, edges, counts.astype(np.float64)
+
+
+def _percentile(ordered: Floats, share: float) -> Floats:
+    """Of sorted rows float64[k, n], as `np.percentile`: whose partition takes five times as long as the sort."""
+    at = share * (ordered.shape[1] - 1)
+    below, above = ordered[:, int(at)], ordered[:, int(at) + 1]
+    found: Floats = below + (at - int(at)) * (above - below)
+    return found
 
 
 @cache

@@ -54,6 +54,22 @@ test('strokes and choices are kept; what is damaged is forgotten', () => {
   }
 });
 
+test('a chosen colour is given, and no two lines look alike because of it', () => {
+  fc.assert(
+    fc.property(keys, fc.nat(), fc.nat({ max: 7 }), (shown, pick, colour) => {
+      const book = new StrokeBook();
+      book.assign(shown);
+      const key = shown[pick % shown.length] ?? '';
+      book.choose(key, colour, shown);
+      expect(book.choices.value).toBe(1);
+      const strokes = book.assign(shown);
+      expect(strokes.get(key)).toEqual({ colour, dash: [] });
+      const looks = new Set([...strokes.values()].map((one) => `${one.colour} ${one.dash}`));
+      expect(looks.size).toBe(shown.length);
+    }),
+  );
+});
+
 test('a ramp begins and ends with its ends', () => {
   expect(ramp(['#000000', '#102030'], 0)).toBe('#000000');
   expect(ramp(['#000000', '#102030'], 1)).toBe('#102030');

@@ -1,5 +1,7 @@
 /** Colours of lines: the same for the same group wherever and whenever it is shown, told apart by colour-blind people. */
 
+import { Value } from './observable';
+
 /**
  * Okabe and Ito's hues, with a lightness per theme that keeps 3:1 against the chart's background. Their yellow
  * is one only on dark ground, their black only on light: they share a place. The last is a grey.
@@ -7,6 +9,13 @@
 export const PALETTE = {
   light: ['#0072b2', '#cc5200', '#00805e', '#b0588a', '#b07a00', '#3b93cc', '#1a1c1f', '#868b92'],
   dark: ['#4aa8e0', '#f0803c', '#22b88e', '#dd96bd', '#e8ab2e', '#8accf5', '#f0e442', '#a8adb5'],
+} as const;
+
+/** What the colours are called, in the palette's order. */
+const SHARED_NAMES = ['blue', 'orange', 'green', 'pink', 'ochre', 'sky blue'] as const;
+export const COLOUR_NAMES = {
+  light: [...SHARED_NAMES, 'black', 'grey'],
+  dark: [...SHARED_NAMES, 'yellow', 'grey'],
 } as const;
 
 export const DASHES: readonly (readonly number[])[] = [[], [8, 4], [2, 3], [10, 3, 2, 3]];
@@ -41,6 +50,8 @@ const KEPT = 400;
  */
 export class StrokeBook {
   readonly #slots: Map<string, number>;
+  /** Grows when somebody has chosen a colour. */
+  readonly choices = new Value(0);
 
   constructor(
     private readonly keeper: Keeper | null = null,
@@ -71,10 +82,14 @@ export class StrokeBook {
     return new Map(keys.map((key) => [key, strokeOf(given.get(key) ?? 0)]));
   }
 
-  /** The user's own choice. */
-  choose(key: string, colour: number): void {
+  /** The reader's own choice, of a solid line. Of those shown beside it, the one that had it takes its stroke. */
+  choose(key: string, colour: number, shown: readonly string[] = []): void {
+    const before = this.#slots.get(key);
+    const other = shown.find((one) => one !== key && this.#slots.get(one) === colour);
+    if (other !== undefined && before !== undefined) this.#slots.set(other, before);
     this.#slots.set(key, colour % COLOURS);
     this.#keep();
+    this.choices.update((count) => count + 1);
   }
 
   #keep(): void {

@@ -16,6 +16,11 @@ test.each([
   [NaN, '–'],
 ])('number(%s) is %s', (value, text) => expect(plain(format.number(value))).toBe(text));
 
+test('minus signs are set before numbers alone', () => {
+  const set = format.typeset('pan by -4°, tilt by 2°, gym-v1-2');
+  expect(set).toBe('pan by \u22124°, tilt by 2°, gym-v1-2');
+});
+
 test('a number keeps its significant digits', () => {
   const numbers = fc.double({ min: 1e-3, max: 1e8, noNaN: true });
   fc.assert(

@@ -25,6 +25,11 @@ export function number(value: MaybeNumber, digits = 4): string {
   return signed(value.toLocaleString('en-US', { maximumFractionDigits: Math.min(decimals, 12) }));
 }
 
+/** A text from elsewhere with true minus signs before its numbers. */
+export function typeset(text: string): string {
+  return text.replace(/(?<=^|\s)-(?=\d)/g, MINUS);
+}
+
 /** A whole number, grouped by thousands. */
 export function integer(value: MaybeNumber): string {
   return isMissing(value) ? MISSING : signed(Math.round(value).toLocaleString('en-US'));

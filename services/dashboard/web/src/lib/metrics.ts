@@ -101,12 +101,25 @@ const KNOWN: Metric[] = [
     about: 'from the hand-out of the first episode to the last on disk',
   },
   { name: 'iteration_s', title: 'Iteration time', unit: 's', about: 'the whole iteration' },
+  {
+    name: 'weights_version_lag',
+    title: 'Weights version lag',
+    unit: 'versions',
+    about: 'how far edges were behind their learner when it handed them episodes, on average',
+  },
   { name: 'weights_version', title: 'Weights version', unit: '', about: 'policy updates done' },
 ];
 
 const BY_NAME = new Map(KNOWN.map((metric) => [metric.name, metric]));
 
-const AFTER_RETURN = ['length', 'loss', 'scale', 'max_preference', 'saturation'];
+const AFTER_RETURN = [
+  'length',
+  'loss',
+  'scale',
+  'max_preference',
+  'saturation',
+  'weights_version_lag',
+];
 
 /** What the returns of runs of these tasks are called, and their unit: pixels, but not in Gymnasium's environments. */
 export function returnOf(...tasks: string[]): Metric {

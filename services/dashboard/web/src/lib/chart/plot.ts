@@ -17,6 +17,7 @@ export interface PlotState {
   range: Range | null; // x that is shown; null: all
   logarithmic: boolean;
   unit: string;
+  wholeX: boolean; // x counts something: no fractions at its axis
   theme: ThemeName;
   heightPx: number;
 }
@@ -30,6 +31,9 @@ export interface PlotEvents {
   drawn(): void;
 }
 
+const WHOLE_STEPS = Array.from({ length: 10 }, (_, power) =>
+  [1, 2, 5].map((step) => step * 10 ** power),
+).flat();
 const RAW_ALPHA = 0.28;
 const BAND_ALPHA = 0.18;
 const MANY_BANDS = 3; // from there on they are fainter, so that lines stay in front
@@ -179,6 +183,7 @@ export class Plot {
           ...axis,
           size: 28,
           space: 64,
+          ...(state?.wholeX ? { incrs: WHOLE_STEPS } : {}),
           values: (_chart, ticks) => ticks.map((tick) => number(tick, 6)),
         },
         {

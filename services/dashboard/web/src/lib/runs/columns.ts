@@ -39,17 +39,12 @@ export const COLUMNS: readonly Column[] = [
     text: (run) => `${integer(run.iteration)} of ${integer(run.iterations)}`,
     about: 'policy updates done',
   },
+  measure('return_last', 'Return', (run) => run.summary.returns.last, 'of the newest iteration'),
+  measure('return_best', 'Best return', (run) => run.summary.returns.best, 'of any iteration'),
   measure(
-    'return_px_last',
-    'Return',
-    (run) => run.summary.return_px.last,
-    'of the newest iteration',
-  ),
-  measure('return_px_best', 'Best return', (run) => run.summary.return_px.best, 'of any iteration'),
-  measure(
-    'return_px_mean_last_5',
+    'return_mean_last_5',
     'Return, last 5',
-    (run) => run.summary.return_px.mean_last_5,
+    (run) => run.summary.returns.mean_last_5,
     'mean of the last five iterations',
   ),
   {
@@ -108,8 +103,8 @@ export const DEFAULT_COLUMNS = [
   'algorithm',
   'seed',
   'iteration',
-  'return_px_last',
-  'return_px_best',
+  'return_last',
+  'return_best',
   'updated',
   'created',
 ];

@@ -58,7 +58,7 @@ function summarize(key: string, keys: readonly string[], runs: Run[]): Group {
     values,
     runs,
     states,
-    best: of((run) => run.summary.return_px.best),
-    last: of((run) => run.summary.return_px.last),
+    best: of((run) => run.summary.returns.best),
+    last: of((run) => run.summary.returns.last),
   };
 }

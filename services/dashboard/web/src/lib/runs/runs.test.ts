@@ -24,7 +24,10 @@ function aRun(i: number, change: Partial<Run> = {}): Run {
     iteration: i,
     iterations: 50,
     weights_version: i,
-    summary: { return_px: { last: -i, best: -i, mean_last_5: -i }, length: { last: 20 } },
+    summary: {
+      returns: { metric: 'return_px', unit: 'px', last: -i, best: -i, mean_last_5: -i },
+      length: { last: 20 },
+    },
     error: '',
     notes: '',
     tags: [],
@@ -179,9 +182,9 @@ test('key=value in the search becomes a filter, other words stay', () => {
 });
 
 test('a heading sorts one way, the other way, and back to the newest first', () => {
-  expect(nextSort('-created_at', 'return_px_best', true)).toBe('-return_px_best');
-  expect(nextSort('-return_px_best', 'return_px_best', true)).toBe('return_px_best');
-  expect(nextSort('return_px_best', 'return_px_best', true)).toBe('-created_at');
+  expect(nextSort('-created_at', 'return_best', true)).toBe('-return_best');
+  expect(nextSort('-return_best', 'return_best', true)).toBe('return_best');
+  expect(nextSort('return_best', 'return_best', true)).toBe('-created_at');
   expect(nextSort('-created_at', 'name', false)).toBe('name');
   expect(nextSort('-created_at', 'created_at', true)).toBe('created_at');
 });
