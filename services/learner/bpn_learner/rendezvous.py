@@ -81,11 +81,11 @@ class Rendezvous:
         self._await_all()
         with socket.create_server((self._address, 0), family=_family(self._address)) as listening:
             port: int = listening.getsockname()[1]
-            store = _store(self._address, port, listening.detach())
+            store = open_store(self._address, port, listening.detach())
         with self._changed:
             self._meeting = MeetingReply(verdict="meet", host=self._address, port=port)
         try:
-            group = _connect(store, self._address, 0, self._config)
+            group = connect(store, self._address, 0, self._config)
         finally:
             with self._changed:
                 self._meeting = None
@@ -118,13 +118,13 @@ def join(worker: Worker, meeting: MeetingReply, config: RunConfig) -> Distribute
         GroupLostError: not all came in time, or they cannot be reached from here.
     """
     try:
-        store = _store(meeting.host, meeting.port)
+        store = open_store(meeting.host, meeting.port)
     except RuntimeError as error:
         raise GroupLostError(f"{meeting.host} port {meeting.port}: {brief(error)}") from error
-    return _connect(store, own_address(worker.bus.endpoint), worker.slot, config)
+    return connect(store, own_address(worker.bus.endpoint), worker.slot, config)
 
 
-def _store(host: str, port: int, listening: int | None = None) -> TCPStore:
+def open_store(host: str, port: int, listening: int | None = None) -> TCPStore:
     """The store of torch at rank 0, through which members tell each other their addresses."""
     return TCPStore(
         host,
@@ -136,7 +136,7 @@ def _store(host: str, port: int, listening: int | None = None) -> TCPStore:
     )
 
 
-def _connect(store: TCPStore, address: str, rank: int, config: RunConfig) -> DistributedGroup:
+def connect(store: TCPStore, address: str, rank: int, config: RunConfig) -> DistributedGroup:
     size = config.learners
     try:
         backend = (_nccl if config.device == "cuda" else _gloo)(store, address, rank, size)

@@ -147,8 +147,8 @@ class PythonExchange {
   static void sum(void* self, double* values, int count) {
     nb::gil_scoped_acquire with_gil;
     const size_t shape[] = {size_t(count)};
-    (*static_cast<PythonExchange*>(self)->function_)(
-        nb::ndarray<nb::numpy, double>(values, 1, shape, nb::handle()));
+    const nb::ndarray<nb::numpy, double> sums(values, 1, shape, nb::handle());
+    (*static_cast<PythonExchange*>(self)->function_)(nb::cast(sums, nb::rv_policy::reference));
   }
 
   const std::optional<nb::callable>& function_;
