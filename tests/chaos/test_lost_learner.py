@@ -23,7 +23,7 @@ from bpn_shared.run_folder import RunFolder
 
 WaitFor = Callable[..., None]
 CONFIG = RunConfig.for_task(
-    "reaching", seed=7, iterations=4, episodes=6, epochs=30, batch=32, nodes=24, learners=2
+    "reaching", seed=7, iterations=3, episodes=6, epochs=30, batch=32, nodes=24, learners=2
 )
 LONG_S = 120.0
 

@@ -259,8 +259,8 @@ class LeaseBook:
         )
 
     def _waits_in_vain(self, place: Place, now_s: float) -> bool:
-        """Whether a learner has long lacked others, and is of more use elsewhere: as its run's rank 0, in an
-        older run, or in any if there are not enough learners for this one.
+        """Whether a learner has long lacked others, and is of more use in an older run, or in any other if
+        there are not enough learners for its own.
         """
         lease, demand = self._leases[place], self._demands[place.run]
         places = (place._replace(slot=slot) for slot in range(demand.learners))
@@ -268,7 +268,7 @@ class LeaseBook:
             return False
         too_few = self._learners() < demand.learners
         return any(
-            too_few or vacancy == place.learner or self._ranks[vacancy.run] < self._ranks[place.run]
+            too_few or self._ranks[vacancy.run] < self._ranks[place.run]
             for vacancy in self._vacant("learner")
         )
 
