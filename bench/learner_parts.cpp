@@ -82,7 +82,7 @@ int main() {
   std::vector<const uint8_t*> images;
   for (int b = 0; b < kImages; ++b) images.push_back(pixels.data() + b * layers[0].image);
   const std::vector<int64_t> actions(kImages, 2);
-  const Batch batch{kImages, images.data(), actions.data(), floats(kImages)};
+  const Batch batch{kImages, images.data(), actions.data(), floats(kImages), kImages};
   const Parameters parameters{floats(100'000), floats(1000), floats(1000), -1.6f};
   Gradients out{floats(100'000), floats(1000), floats(1000), 0, 0};
 
@@ -117,13 +117,13 @@ int main() {
   }
   report("norms, forward", 0, [&] {
     for (int l = 0; l < kNorms; ++l)
-      normalize(kImages * layers[l].positions(), layers[l].width, work.outputs[l], work.gamma[l], work.beta[l],
-                work.norm_scale[l], work.inputs[l + 1]);
+      normalize(batch, layers[l], work.outputs[l], work.gamma[l], work.beta[l], work.norm_scale[l],
+                work.inputs[l + 1]);
   });
   report("norms, backward", 0, [&] {
     for (int l = 0; l < kNorms; ++l)
-      normalize_back(kImages * layers[l].positions(), layers[l].width, work.gradients[l], work.outputs[l],
-                     work.gamma[l], work.beta[l], work.norm_scale[l], out.gamma, out.beta);
+      normalize_back(batch, layers[l], work.gradients[l], work.outputs[l], work.gamma[l], work.beta[l],
+                     work.norm_scale[l], out.gamma, out.beta);
   });
   report("signs, latent", 0, [&] {
     take_signs(geometry, parameters, work);

@@ -17,6 +17,7 @@ Device = Literal["cpu", "cuda"]
 Engine = Literal["fast", "plain"]
 
 MAX_STEPS = 1000
+MAX_LEARNERS = 64
 MAX_ACTION_DELAY_MS = 2000.0
 
 
@@ -98,6 +99,14 @@ class RunConfig(BaseModel):
         Field(description="of policy updates; plain: the readable reference, several times slower"),
     ] = "fast"
 
+    learners: Annotated[
+        int,
+        Field(
+            ge=1,
+            le=MAX_LEARNERS,
+            description="learners that share each policy update; pays for large minibatches",
+        ),
+    ] = 1
     device: Annotated[
         Device, Field(description="where torch computes; weights are bit-reproducible on cpu alone")
     ] = "cpu"
@@ -168,6 +177,15 @@ class RunConfig(BaseModel):
         if self.algorithm == "dpp" and self.alpha != 1:
             raise ValueError(
                 f"alpha = {self.alpha}: dpp is CVI with alpha = 1; leave alpha out, or choose cvi"
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _parts_for_all_learners(self) -> Self:
+        if self.learners > self.batch:
+            raise ValueError(
+                f"learners = {self.learners} with batch = {self.batch}: a minibatch is shared by all of them, "
+                "so it needs at least as many transitions"
             )
         return self
 

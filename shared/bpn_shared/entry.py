@@ -20,6 +20,7 @@ from bpn_shared.worker import (
     Worker,
     WorkerProcess,
     fetch_config,
+    service_name,
 )
 
 log = logging.getLogger(__name__)
@@ -53,7 +54,7 @@ def run_worker(kind: Role, options: argparse.Namespace, serve: Serve) -> int:
         The exit status: what `serve` returns; `EXIT_UNRECOVERABLE` for errors that a restart cannot mend.
     """
     slot: int = getattr(options, "slot", None) or 0
-    set_up_logging(kind if options.run is None else f"{kind}-{slot}")
+    set_up_logging(kind if options.run is None else service_name(kind, slot))
     stop = stop_on_signals()
     end_with_supervisor()
     try:

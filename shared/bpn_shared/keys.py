@@ -46,6 +46,11 @@ def config(run: Run) -> str:
     return f"bpn/{run}/learner/config"
 
 
+def meeting(run: Run) -> str:
+    """Where a run's learner of rank 0 tells the others where the next update is."""
+    return f"bpn/{run}/learner/meeting"
+
+
 def weights(run: Run) -> str:
     return f"bpn/{run}/weights"
 

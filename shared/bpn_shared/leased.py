@@ -20,7 +20,7 @@ from bpn_shared.messages.base import MessageError
 from bpn_shared.messages.lease import LeaseReply, LeaseRequest, Release, ReleaseReply
 from bpn_shared.run_folder import RunOwnedError
 from bpn_shared.service import set_up_logging
-from bpn_shared.worker import EXIT_FINISHED, Serve, WorkerProcess
+from bpn_shared.worker import EXIT_FINISHED, Serve, WorkerProcess, service_name
 
 log = logging.getLogger(__name__)
 
@@ -110,7 +110,7 @@ class LeaseLoop:
             self._lease = lease
         if process.stop.is_set():  # since the registry was asked
             lease.stop.set()
-        name = "learner" if process.kind == "learner" else f"{process.kind}-{lease.slot}"
+        name = service_name(process.kind, lease.slot)
         set_up_logging(name)
         try:
             with Bus(process.bus.endpoint, stop=lease.stop, traffic=process.bus.traffic) as bus:

@@ -19,6 +19,11 @@ EXIT_FINISHED, EXIT_FAILED, EXIT_UNRECOVERABLE = 0, 1, 2
 _ASK_AGAIN_S = 0.1
 
 
+def service_name(kind: Role, slot: int) -> str:
+    """What a worker is called in a run's logs; the learner of rank 0 is the run's learner."""
+    return kind if kind == "learner" and slot == 0 else f"{kind}-{slot}"
+
+
 @dataclass(frozen=True, kw_only=True)
 class WorkerProcess:
     """What every worker has whether it works or is idle: its identity, and how it stops and counts."""

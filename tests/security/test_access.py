@@ -241,6 +241,8 @@ def test_the_routers_configuration_is_written_by_nobody(open_as: OpenAs, wait_fo
         ("edge", "query", "bpn/control/robot_sim/x"),
         ("edge", "declare_queryable", "bpn/r/learner/next"),
         ("edge", "liveliness_token", "bpn/lease/r/learner/0/x"),
+        ("edge", "query", "bpn/r/learner/meeting"),
+        ("edge", "declare_queryable", "bpn/r/learner/meeting"),
         ("learner", "put", "bpn/r/robot/0/action"),
         ("learner", "query", "bpn/control/edge/x"),
         ("learner", "declare_queryable", "bpn/registry/lease"),

@@ -15,7 +15,7 @@ from uuid import UUID
 
 from bpn_shared.config import RunConfig
 from bpn_shared.service import SUPERVISOR_PID
-from bpn_shared.worker import EXIT_FINISHED, EXIT_UNRECOVERABLE
+from bpn_shared.worker import EXIT_FINISHED, EXIT_UNRECOVERABLE, service_name
 
 log = logging.getLogger(__name__)
 
@@ -169,10 +169,14 @@ def quiet_threads() -> dict[str, str]:
 
 
 def services_of_run(run: UUID, config: RunConfig, runs_dir: Path, endpoint: str) -> list[Service]:
-    """Router, learner, and a robot with its edge for every slot."""
+    """Router, learners, and a robot with its edge for every slot."""
     router, *slots = router_and_slots(run, config.robots, endpoint)
     learner = ["bpn_learner", "--run", str(run), "--connect", endpoint, "--runs-dir", str(runs_dir)]
-    return [router, Service("learner", learner), *slots]
+    learners = [
+        Service(service_name("learner", rank), [*learner, "--slot", str(rank)])
+        for rank in range(config.learners)
+    ]
+    return [router, *learners, *slots]
 
 
 def router_and_slots(run: UUID, robots: int, endpoint: str) -> list[Service]:

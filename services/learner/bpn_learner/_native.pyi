@@ -1,3 +1,5 @@
+from collections.abc import Callable
+
 import numpy as np
 import numpy.typing as npt
 
@@ -18,6 +20,8 @@ class Kernel:
         latent_gradient: npt.NDArray[np.float32],
         gamma_gradient: npt.NDArray[np.float32],
         beta_gradient: npt.NDArray[np.float32],
+        total: int,
+        sum_up: Callable[[npt.NDArray[np.float64]], None] | None,
         /,
     ) -> tuple[float, float]: ...
 
@@ -33,5 +37,6 @@ class FloatKernel:
         biases: npt.NDArray[np.float32],
         weights_gradient: npt.NDArray[np.float32],
         biases_gradient: npt.NDArray[np.float32],
+        total: int,
         /,
     ) -> float: ...

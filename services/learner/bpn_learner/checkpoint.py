@@ -25,12 +25,32 @@ def save_checkpoint(
     path: Path, network: nn.Module, optimizer: torch.optim.Optimizer, iteration: int
 ) -> None:
     """Writes the state after `iteration` policy updates."""
+    write_atomically(
+        path, save(state_tensors(network, optimizer) | {"iteration": torch.tensor(iteration)})
+    )
+
+
+def state_tensors(network: nn.Module, optimizer: torch.optim.Optimizer) -> dict[str, Tensor]:
+    """Network and optimizer by name, as `restore` takes them."""
     tensors = {f"{_NETWORK}{name}": value for name, value in network.state_dict().items()}
     for index, state in optimizer.state_dict()["state"].items():
         for name, value in state.items():
             tensors[f"{_OPTIMIZER}{index}.{name}"] = value
-    tensors["iteration"] = torch.tensor(iteration)
-    write_atomically(path, save({name: value.contiguous() for name, value in tensors.items()}))
+    return {name: value.contiguous() for name, value in tensors.items()}
+
+
+def restore(
+    tensors: dict[str, Tensor], network: nn.Module, optimizer: torch.optim.Optimizer
+) -> None:
+    """Sets network and optimizer in place.
+
+    Raises:
+        KeyError, ValueError, RuntimeError: the tensors are another network's.
+    """
+    network.load_state_dict(_part(tensors, _NETWORK))
+    restored = optimizer.state_dict()
+    restored["state"] = _optimizer_state(tensors)
+    optimizer.load_state_dict(restored)
 
 
 def load_checkpoint(path: Path, network: nn.Module, optimizer: torch.optim.Optimizer) -> int:
@@ -44,10 +64,7 @@ def load_checkpoint(path: Path, network: nn.Module, optimizer: torch.optim.Optim
     """
     try:
         tensors = load(path.read_bytes())
-        network.load_state_dict(_part(tensors, _NETWORK))
-        restored = optimizer.state_dict()
-        restored["state"] = _optimizer_state(tensors)
-        optimizer.load_state_dict(restored)
+        restore(tensors, network, optimizer)
         return int(tensors["iteration"])
     except (SafetensorError, KeyError, ValueError, RuntimeError) as error:
         raise CheckpointError(

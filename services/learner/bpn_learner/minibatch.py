@@ -2,19 +2,24 @@
 
 `autograd_gradients` is the definition. `native_gradients` is what training runs: the same sums in C++
 (`src/`), without unfolded patches, graphs or small operators; docs/learner-speed.md has its measurements.
+Either computes one member's part where a group of learners shares the minibatch, and adds the parts up.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import torch
-from torch import Tensor
+from torch import Tensor, nn
 
 from bpn_learner import _native
+from bpn_learner.group import ALONE, Group
 from bpn_learner.networks import BinaryNetwork, FloatNetwork, PNetwork
 from bpn_shared.config import Engine
 
 Gradients = Callable[[Tensor], Tensor | float]
-"""Sets every parameter's `grad` from the transitions int64[B] of D, and returns their mean loss."""
+"""Sets every parameter's `grad` from the transitions int64[B] of D, and returns their mean loss.
+
+A group's members all call it with the same transitions, and all get the same.
+"""
 
 
 def available_paths() -> tuple[str, ...]:
@@ -23,7 +28,13 @@ def available_paths() -> tuple[str, ...]:
 
 
 def minibatch_gradients(
-    engine: Engine, network: PNetwork, observations: Tensor, actions: Tensor, y: Tensor
+    engine: Engine,
+    network: PNetwork,
+    observations: Tensor,
+    actions: Tensor,
+    y: Tensor,
+    *,
+    group: Group = ALONE,
 ) -> Gradients:
     """The engine's gradients of a network in training mode.
 
@@ -33,37 +44,69 @@ def minibatch_gradients(
         observations: uint8[n, C, 84, 84], channels-last in memory.
         actions: int64[n].
         y: targets, float32[n].
+        group: who shares the minibatches.
     """
     pixels = observations.permute(0, 2, 3, 1)
     if engine == "fast" and not pixels.is_cuda:
         if isinstance(network, BinaryNetwork):
-            return native_gradients(network, pixels, actions, y)
+            return native_gradients(network, pixels, actions, y, group=group)
         if isinstance(network, FloatNetwork):
-            return native_float_gradients(network, pixels, actions, y)
-    return autograd_gradients(network, pixels, actions, y)
+            return native_float_gradients(network, pixels, actions, y, group=group)
+    return autograd_gradients(network, pixels, actions, y, group=group)
 
 
-def autograd_gradients(network: PNetwork, pixels: Tensor, actions: Tensor, y: Tensor) -> Gradients:
+class _Gradients:
+    """The gradients of all parameters and the loss, in one vector: a group adds them up in one exchange."""
+
+    def __init__(self, parameters: Sequence[nn.Parameter]) -> None:
+        self._parameters = parameters
+        sizes = [parameter.numel() for parameter in parameters]
+        self.vector = torch.zeros(sum(sizes) + 1, device=parameters[0].device)
+        *parts, loss = torch.split(self.vector, [*sizes, 1])
+        self.parts = [
+            part.view(parameter.shape) for part, parameter in zip(parts, parameters, strict=True)
+        ]
+        self.loss = loss.squeeze()
+
+    def set(self) -> None:
+        """Makes the parts their parameters' `grad`."""
+        for parameter, part in zip(self._parameters, self.parts, strict=True):
+            parameter.grad = part
+
+
+def autograd_gradients(
+    network: PNetwork, pixels: Tensor, actions: Tensor, y: Tensor, *, group: Group = ALONE
+) -> Gradients:
     """By torch's autograd, for any network.
 
     Args:
         pixels: uint8[n, 84, 84, C]: rows that index_select copies whole.
     """
+    together = _Gradients(list(network.parameters()))
 
     def gradients(batch: Tensor) -> Tensor:
-        P = network(pixels.index_select(0, batch).float().permute(0, 3, 1, 2))
-        P_taken = P.gather(1, actions[batch, None]).squeeze(1)
-        loss = (y[batch] - P_taken).square().mean() / 2  # J, section IV-C
-        network.zero_grad()
+        part = group.part(batch)
+        P = network(pixels.index_select(0, part).float().permute(0, 3, 1, 2), group)
+        P_taken = P.gather(1, actions[part, None]).squeeze(1)
+        loss = (y[part] - P_taken).square().sum() / (2 * len(batch))  # J, section IV-C
+        together.vector.zero_()
+        together.set()
         loss.backward()
-        mean: Tensor = loss.detach()
-        return mean
+        together.loss.copy_(loss.detach())
+        group.add_up(together.vector)
+        return together.loss.clone()
 
     return gradients
 
 
 def native_gradients(
-    network: BinaryNetwork, pixels: Tensor, actions: Tensor, y: Tensor, *, path: str | None = None
+    network: BinaryNetwork,
+    pixels: Tensor,
+    actions: Tensor,
+    y: Tensor,
+    *,
+    group: Group = ALONE,
+    path: str | None = None,
 ) -> Gradients:
     """By the kernel. Equal inputs give equal bits on one path, wherever memory lies.
 
@@ -77,28 +120,37 @@ def native_gradients(
     spec = network.spec
     kernel = _native.Kernel(path or available_paths()[0], spec.channels, spec.nodes, spec.actions)
     vectors = (network.latent, network.gamma, network.beta)
-    parameters = (*vectors, network.log_scale)
-    grads = [torch.zeros_like(parameter) for parameter in parameters]
+    together = _Gradients([*vectors, network.log_scale])
     # The kernel reads parameters and writes gradients in place: these arrays share the tensors' memory.
     latent, gamma, beta = (parameter.detach().numpy() for parameter in vectors)
-    d_latent, d_gamma, d_beta = (grad.numpy() for grad in grads[:-1])
+    d_latent, d_gamma, d_beta = (part.numpy() for part in together.parts[:-1])
     observations, taken, targets = pixels.numpy(), actions.numpy(), y.numpy()
+    # Batch norm's statistics are the whole minibatch's.
+    add_up = None if group.size == 1 else lambda sums: group.add_up(torch.from_numpy(sums))
 
     def gradients(batch: Tensor) -> float:
         loss, d_log_scale = kernel.gradients(
-            observations, batch.numpy(), taken, targets,
+            observations, group.part(batch).numpy(), taken, targets,
             latent, gamma, beta, network.log_scale.item(), d_latent, d_gamma, d_beta,
+            len(batch), add_up,
         )  # fmt: skip
-        grads[-1].fill_(d_log_scale)
-        for parameter, grad in zip(parameters, grads, strict=True):
-            parameter.grad = grad
-        return loss
+        together.parts[-1].fill_(d_log_scale)
+        together.loss.fill_(loss)
+        group.add_up(together.vector)
+        together.set()
+        return together.loss.item()
 
     return gradients
 
 
 def native_float_gradients(
-    network: FloatNetwork, pixels: Tensor, actions: Tensor, y: Tensor, *, path: str | None = None
+    network: FloatNetwork,
+    pixels: Tensor,
+    actions: Tensor,
+    y: Tensor,
+    *,
+    group: Group = ALONE,
+    path: str | None = None,
 ) -> Gradients:
     """By the kernel for float networks; otherwise as `native_gradients`."""
     spec = network.spec
@@ -106,14 +158,17 @@ def native_float_gradients(
         path or available_paths()[0], spec.channels, spec.nodes, spec.actions
     )
     parameters = (network.weights, network.biases)
-    grads = [torch.zeros_like(parameter) for parameter in parameters]
-    arrays = [t.detach().numpy() for t in (*parameters, *grads)]  # they share the tensors' memory
+    together = _Gradients(parameters)
+    # They share the tensors' memory.
+    arrays = [t.detach().numpy() for t in (*parameters, *together.parts)]
     observations, taken, targets = pixels.numpy(), actions.numpy(), y.numpy()
 
     def gradients(batch: Tensor) -> float:
-        loss = kernel.gradients(observations, batch.numpy(), taken, targets, *arrays)
-        for parameter, grad in zip(parameters, grads, strict=True):
-            parameter.grad = grad
-        return loss
+        part = group.part(batch).numpy()
+        loss = kernel.gradients(observations, part, taken, targets, *arrays, len(batch))
+        together.loss.fill_(loss)
+        group.add_up(together.vector)
+        together.set()
+        return together.loss.item()
 
     return gradients

@@ -13,16 +13,19 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
+from bpn_learner.batch_norm import BATCH_NORM_EPSILON, batch_norm
 from bpn_learner.binarize import sign
+from bpn_learner.group import ALONE, Group
 from bpn_shared.algorithms import NetworkKind
 from bpn_shared.bnn.spec import MAX_PIXEL, Layer, NetworkSpec
 
-BATCH_NORM_EPSILON = 1e-5
 LATENT_INITIAL = 0.1  # small against the clip at 1: early on, signs are free to flip
 
 
 class PNetwork(nn.Module):
     """Action preferences P(s, .): pixels float32[B, C, 84, 84] of 0..255 to float32[B, |A|].
+
+    In training the pixels may be one member's part of a minibatch that a group shares.
 
     Attributes:
         offset: float64[], what all preferences lack alike, see `update.targets`; no policy depends on it.
@@ -86,8 +89,8 @@ class BinaryNetwork(PNetwork):
         self.register_buffer("mean", torch.zeros(channels, dtype=torch.float64))
         self.register_buffer("var", torch.cat([_variance(layer) for layer in spec.layers[:-1]]))
 
-    def forward(self, pixels: Tensor) -> Tensor:
-        """P(s, .): in training with the minibatch's statistics, else exactly as exported."""
+    def forward(self, pixels: Tensor, group: Group = ALONE) -> Tensor:
+        """P(s, .): in training with the whole minibatch's statistics, else exactly as exported."""
         if not self.training:
             return self.scale() * self.integers(pixels)[-1].flatten(1)
         weights = self.signs()
@@ -98,11 +101,7 @@ class BinaryNetwork(PNetwork):
         x = pixels
         for index, (gamma, beta) in enumerate(zip(gammas, betas, strict=True)):
             o = dot_products(self.spec.layers[index], weights[index], x)
-            x = sign(
-                functional.batch_norm(
-                    o, None, None, gamma, beta, training=True, eps=BATCH_NORM_EPSILON
-                )
-            )
+            x = sign(batch_norm(o, gamma, beta, group))
         return self.scale() * dot_products(self.spec.layers[-1], weights[-1], x).flatten(1)
 
     def signs(self) -> list[Tensor]:
@@ -168,7 +167,8 @@ class FloatNetwork(PNetwork):
 
         self.weights, self.biases = drawn(self._weight_sizes), drawn(self._bias_sizes)
 
-    def forward(self, pixels: Tensor) -> Tensor:
+    def forward(self, pixels: Tensor, group: Group = ALONE) -> Tensor:  # noqa: ARG002
+        """P(s, .): of each image by itself, whatever the rest of its minibatch."""
         x = pixels
         for index, (weights, bias) in enumerate(self.affine()):
             x = dot_products(self.spec.layers[index], weights, x if index == 0 else x.relu(), bias)

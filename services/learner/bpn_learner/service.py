@@ -4,7 +4,10 @@ import logging
 from pathlib import Path
 
 from bpn_learner.checkpoint import CheckpointError
+from bpn_learner.group import GroupLostError
 from bpn_learner.ledger import EpisodeLedger
+from bpn_learner.member import serve_member
+from bpn_learner.rendezvous import Rendezvous
 from bpn_learner.reward import RewardError
 from bpn_learner.training import Training
 from bpn_learner.update import DivergenceError
@@ -27,20 +30,27 @@ _TELL_S = 2.0
 """How long a finished run's learner waits for its edges to ask once more, so that they are told."""
 
 
+_HOPELESS = (CheckpointError, ConfigError, DivergenceError, GroupLostError, RewardError)
+
+
 def serve(worker: Worker, runs_dir: Path) -> int:
     """Trains the run from where its folder stands, until it is finished or the worker is stopped.
+
+    A learner of rank 1 or above helps the one of rank 0, to whom the folder belongs.
 
     Raises:
         ConfigError: there is no such run.
         RunOwnedError: another learner works on it.
     """
+    if worker.slot > 0:
+        return serve_member(worker)
     folder = RunFolder.open(runs_dir, str(worker.run))
     with folder.owned(worker.id):
         collector = LogCollector(worker.bus, worker.run, folder.logs)
         state = folder.set_state("running", new_attempt=True)
         try:
             _train(worker, folder, state.attempt)
-        except (CheckpointError, ConfigError, DivergenceError, RewardError) as error:
+        except _HOPELESS as error:
             log.error("%s", error)  # it would come again
             folder.set_state("failed", error=str(error))
             return EXIT_UNRECOVERABLE
@@ -81,6 +91,7 @@ def _train(worker: Worker, folder: RunFolder, attempt: int) -> None:
         ledger,
         attempt=attempt,
         publish=publish,
+        rendezvous=Rendezvous(worker, config) if config.learners > 1 else None,
         report=MetricsPublisher(worker.bus, worker.run, "learner", worker.id).put,
         waiting=worker.waiting,
         stop=worker.stop,
@@ -99,5 +110,9 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument(
         "--runs-dir", type=Path, default=Path("runs"), help="where run folders are (default runs)"
     )
+    parser.add_argument(
+        "--slot", type=int, default=0,
+        help="rank among the run's learners; 0 (default) is the one that owns the run folder",
+    )  # fmt: skip
     options = parser.parse_args(argv)
     return run_worker("learner", options, lambda worker: serve(worker, options.runs_dir))

@@ -1,33 +1,36 @@
 """Algorithm 1 over the bus: collect, learn, publish, checkpoint, for I iterations."""
 
+import contextlib
 import logging
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pkgutil import resolve_name
 from typing import TYPE_CHECKING
 
 import numpy as np
-import torch
 
 from bpn_learner.checkpoint import load_checkpoint, save_checkpoint
 from bpn_learner.export import export
+from bpn_learner.group import ALONE, Group, GroupLostError
+from bpn_learner.handout import hand_out
+from bpn_learner.initial import initial_policy
 from bpn_learner.ledger import EpisodeLedger, load_episodes
-from bpn_learner.networks import make_network
+from bpn_learner.rendezvous import Rendezvous
 from bpn_learner.reward import episode_rewards
 from bpn_learner.transitions import EpisodeData, Transitions
 from bpn_learner.update import (
     PolicyUpdate,
+    Regression,
     UpdateReport,
     UpdateStopped,
-    make_optimizer,
     policy_update,
 )
 from bpn_shared.config import ConfigError, RunConfig
 from bpn_shared.messages.episode import Episode
 from bpn_shared.run_folder import RunFolder, write_atomically
-from bpn_shared.seeds import initial_weights_seed, shuffle_generator
+from bpn_shared.seeds import shuffle_generator
 from bpn_shared.service import Waiting
 from bpn_shared.weights import Weights
 
@@ -35,6 +38,9 @@ if TYPE_CHECKING:
     from bpn_learner.events import EventWriter  # an extra: loaded when a run asks for it
 
 log = logging.getLogger(__name__)
+
+GIVE_UP_AFTER = 8
+"""Updates of one iteration in a row that were given up because a learner was lost."""
 
 Report = Callable[[int, Mapping[str, float]], None]
 """Publishes live values (name to value) of an iteration."""
@@ -47,6 +53,7 @@ class Training:
         attempt: stamped on the weights, so that edges prefer them to an earlier learner's.
         publish: sends weights to the edges.
         report: publishes live progress.
+        rendezvous: gathers the other learners for every update; None: there are none.
         stop: ends the training as soon as possible; nothing is lost by it.
     """
 
@@ -59,20 +66,15 @@ class Training:
         attempt: int,
         publish: Callable[[Weights], None],
         report: Report,
+        rendezvous: Rendezvous | None,
         waiting: Waiting,
         stop: threading.Event,
     ) -> None:
-        torch.set_num_threads(1)  # determinism, and other processes share the cores
         self._config, self._folder, self._ledger = config, folder, ledger
         self._attempt, self._publish, self._report = attempt, publish, report
         self._waiting, self._stop = waiting, stop
-        self._network = make_network(
-            config.algorithm_spec.network,
-            config.network,
-            scale_initial=config.scale_initial,
-            generator=torch.Generator().manual_seed(initial_weights_seed(config.seed)),
-        ).to(_device(config))
-        self._optimizer = make_optimizer(self._network, config.learning_rate)
+        self._rendezvous, self._exchange_s = rendezvous, 0.0
+        self._network, self._optimizer = initial_policy(config)
         self._data: deque[list[EpisodeData]] = deque(maxlen=config.datasets)  # D
 
     def run(self) -> bool:
@@ -84,6 +86,7 @@ class Training:
         Raises:
             CheckpointError: the run folder's checkpoint is unusable.
             DivergenceError: the loss is no longer finite.
+            GroupLostError: other learners were lost in every one of many tries.
             RewardError: a frame shows no marker.
         """
         done = self._restore()
@@ -115,14 +118,21 @@ class Training:
         return True
 
     def _restore(self) -> int:
+        done = self._load_policy()
+        for iteration in range(max(0, done - self._config.datasets), done):
+            stored = load_episodes(self._folder, self._config, iteration)
+            self._data.append([self._learnable(stored[episode]) for episode in sorted(stored)])
+        if done:
+            log.info("resumes after %d of %d iterations", done, self._config.iterations)
+        return done
+
+    def _load_policy(self) -> int:
+        """Sets network and optimizer to the last checkpoint's, or else to what they were at the beginning."""
+        self._network, self._optimizer = initial_policy(self._config)
         if not self._folder.checkpoint_path.exists():
             return 0
         done = load_checkpoint(self._folder.checkpoint_path, self._network, self._optimizer)
         self._network.eval()
-        for iteration in range(max(0, done - self._config.datasets), done):
-            stored = load_episodes(self._folder, self._config, iteration)
-            self._data.append([self._learnable(stored[episode]) for episode in sorted(stored)])
-        log.info("resumes after %d of %d iterations", done, self._config.iterations)
         return done
 
     def _release(self, version: int) -> Weights:
@@ -160,38 +170,47 @@ class Training:
         rewards_px = [np.round(episode.rewards / scale, 3).tolist() for episode in self._data[-1]]
         self._folder.append_rewards(iteration, rewards_px)
 
-    def _settings(self, iteration: int) -> PolicyUpdate:
-        config = self._config
-        return PolicyUpdate(
-            alpha=config.alpha,
-            beta=config.beta,
-            gamma=config.gamma,
-            epochs=config.epochs,
-            batch=config.batch,
-            target=config.algorithm_spec.update,
-            mask_terminals=config.mask_terminals,
-            relative_targets=config.relative_targets,
-            learning_rate_share=config.learning_rate_share(iteration),
-            learning_rate_final=config.learning_rate_final,
-            engine=config.engine,
-        )
-
     def _update(self, iteration: int) -> UpdateReport:
+        """One policy update; where others share it, again from the checkpoint until none was lost."""
+        D = Transitions.from_episodes(
+            [episode for dataset in self._data for episode in dataset],
+            frames_stacked=self._config.task_spec.frames_stacked,
+        )
+        for given_up in range(1, GIVE_UP_AFTER + 1):
+            try:
+                return self._try_update(iteration, D)
+            except GroupLostError as error:
+                if given_up == GIVE_UP_AFTER:
+                    raise
+                log.warning("a learner was lost: the update begins again (%s)", error)
+                self._load_policy()
+        raise AssertionError("unreachable")
+
+    def _try_update(self, iteration: int, D: Transitions) -> UpdateReport:
         def progress(epochs: int, _total: int) -> None:
             self._report(iteration, {"progress.epochs": float(epochs)})
 
         return policy_update(
             self._network,
             self._optimizer,
-            Transitions.from_episodes(
-                [episode for dataset in self._data for episode in dataset],
-                frames_stacked=self._config.task_spec.frames_stacked,
-            ),
-            self._settings(iteration),
+            D,
+            PolicyUpdate.of_iteration(self._config, iteration),
             shuffle_generator(self._config.seed, iteration),
+            gather=lambda regression: self._gathered(iteration, regression),
             progress=progress,
             stop=self._stop.is_set,
         )
+
+    @contextlib.contextmanager
+    def _gathered(self, iteration: int, regression: Regression) -> Iterator[Group]:
+        """The learners that share the update, once all of them know what it is."""
+        if self._rendezvous is None:
+            yield ALONE
+            return
+        with self._rendezvous.gathered() as group:
+            hand_out(group, self._network, self._optimizer, regression, iteration)
+            yield group
+            self._exchange_s = group.exchange_s
 
     def _record(
         self, iteration: int, episodes: list[Episode], update: UpdateReport, weights: Weights
@@ -221,6 +240,7 @@ class Training:
             "epsilon": self._config.epsilon(iteration),
             "updates": update.updates,
             "update_s": update.seconds,
+            "exchange_s": self._exchange_s,
             "weights_version_lag": self._ledger.weights_version_lag(),
             "weights_version": weights.version,
             "weights_sha256": weights.content_sha256(),
@@ -245,15 +265,3 @@ def _event_writer(config: RunConfig, folder: RunFolder, first: int) -> "EventWri
             "pip install 'bpn-learner[tensorboard]'"
         ) from error
     return writer
-
-
-def _device(config: RunConfig) -> torch.device:
-    """The device that the run asks for.
-
-    Raises:
-        ConfigError: it is not there.
-    """
-    if config.device == "cuda" and not torch.cuda.is_available():
-        raise ConfigError("device = 'cuda': torch finds no GPU on this machine; choose cpu")
-    torch.backends.cudnn.allow_tf32 = False  # whole float32, or sums of signs are not exact
-    return torch.device(config.device)

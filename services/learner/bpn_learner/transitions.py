@@ -104,10 +104,15 @@ class Transitions:
         return type(self)(**tensors)
 
     def gather(self, stacks: Tensor) -> Tensor:
-        """Observations of frame indices int64[n, frames_stacked].
+        """Observations of frame indices, see `gathered`."""
+        return gathered(self.frames, stacks)
 
-        Returns:
-            uint8[n, C, 84, 84], channels-last in memory; C = frames_stacked * c.
-        """
-        observations = self.frames[stacks].flatten(1, 2)
-        return observations.contiguous(memory_format=torch.channels_last)
+
+def gathered(frames: Tensor, stacks: Tensor) -> Tensor:
+    """Observations of frame indices int64[n, frames_stacked] into uint8[m, c, 84, 84].
+
+    Returns:
+        uint8[n, C, 84, 84], channels-last in memory; C = frames_stacked * c.
+    """
+    observations = frames[stacks].flatten(1, 2)
+    return observations.contiguous(memory_format=torch.channels_last)

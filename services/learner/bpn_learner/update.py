@@ -3,7 +3,9 @@
 import math
 import time
 from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 import torch
@@ -11,11 +13,12 @@ from torch import Tensor
 
 from bpn_learner.calibrate import reestimate_batch_norm
 from bpn_learner.cvi import cvi_target, dqn_target
+from bpn_learner.group import ALONE, Group
 from bpn_learner.minibatch import minibatch_gradients
 from bpn_learner.networks import BinaryNetwork, PNetwork
-from bpn_learner.transitions import Transitions
+from bpn_learner.transitions import Transitions, gathered
 from bpn_shared.algorithms import UpdateKind
-from bpn_shared.config import Engine
+from bpn_shared.config import Engine, RunConfig
 
 EVALUATION_BATCH = 256
 SCALE_RATE_FACTOR = 3.0
@@ -55,6 +58,44 @@ class PolicyUpdate:
     learning_rate_share: float = 1.0
     learning_rate_final: float = 1.0
     engine: Engine = "fast"
+
+    @classmethod
+    def of_iteration(cls, config: RunConfig, iteration: int) -> Self:
+        """What a run's configuration asks for in an iteration."""
+        return cls(
+            alpha=config.alpha,
+            beta=config.beta,
+            gamma=config.gamma,
+            epochs=config.epochs,
+            batch=config.batch,
+            target=config.algorithm_spec.update,
+            mask_terminals=config.mask_terminals,
+            relative_targets=config.relative_targets,
+            learning_rate_share=config.learning_rate_share(iteration),
+            learning_rate_final=config.learning_rate_final,
+            engine=config.engine,
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Regression:
+    """What the minibatches of an update fit P to.
+
+    Attributes:
+        frames: uint8[m, c, 84, 84].
+        observations: int64[n, frames_stacked], frame indices as in `Transitions`.
+        actions: int64[n].
+        y: float32[n], the target of P(s, a).
+    """
+
+    frames: Tensor
+    observations: Tensor
+    actions: Tensor
+    y: Tensor
+
+
+Gather = Callable[[Regression], AbstractContextManager[Group]]
+"""Finds the learners that share an update, and tells them what to fit."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,6 +142,7 @@ def policy_update(
     settings: PolicyUpdate,
     rng: np.random.Generator,
     *,
+    gather: Gather = lambda _: nullcontext(ALONE),
     progress: Callable[[int, int], None] | None = None,
     stop: Callable[[], bool] | None = None,
 ) -> UpdateReport:
@@ -111,43 +153,32 @@ def policy_update(
 
     Args:
         rng: shuffles D, once per epoch.
+        gather: the learners that share the minibatches; by default there are no others.
         progress: called with (epochs done, epochs) after each.
         stop: asked before each epoch.
 
     Raises:
         UpdateStopped: `stop` returned True.
+        GroupLostError: one of the learners was lost; the network is half trained and must be given up.
         DivergenceError: the loss of an epoch is not finite.
         ValueError: D holds fewer than 2 transitions.
     """
     started = time.perf_counter()
     device = next(network.parameters()).device
     transitions = transitions.to(device)
-    B, size = settings.batch, len(transitions)
-    minibatches = minibatches_per_epoch(size, B)
-    observations = transitions.gather(transitions.observations)
+    minibatches = minibatches_per_epoch(len(transitions), settings.batch)
     P_target, P_next = target_preferences(network, transitions)
     y, offset = targets(transitions, P_target, P_next, settings, float(network.offset))
-    gradients = minibatch_gradients(settings.engine, network, observations, transitions.actions, y)
-    losses: list[float] = []
-
-    network.train()
-    for epoch in range(settings.epochs):
-        if stop is not None and stop():
-            raise UpdateStopped(f"stopped after {epoch} of {settings.epochs} epochs")
-        set_learning_rate(optimizer, annealing(epoch, settings))
-        order = torch.from_numpy(rng.permutation(size)).to(device)
-        total = torch.zeros((), device=device)
-        for k in range(minibatches):
-            total += gradients(order[B * k : B * (k + 1)])
-            optimizer.step()
-            network.clip_latent_weights()
-        losses.append(_finite(float(total) / minibatches, network))
-        if progress is not None:
-            progress(epoch + 1, settings.epochs)
+    regression = Regression(transitions.frames, transitions.observations, transitions.actions, y)
+    with gather(regression) as group:
+        losses = fit(
+            network, optimizer, regression, settings, rng, group=group, progress=progress, stop=stop
+        )
     network.eval()
     network.offset.fill_(offset)
 
     if isinstance(network, BinaryNetwork):
+        observations = gathered(transitions.frames, transitions.observations)
         reestimate_batch_norm(network, observations, EVALUATION_BATCH)
     return UpdateReport(
         loss_first=losses[0],
@@ -159,6 +190,47 @@ def policy_update(
         updates=settings.epochs * minibatches,
         seconds=time.perf_counter() - started,
     )
+
+
+def fit(
+    network: PNetwork,
+    optimizer: torch.optim.Optimizer,
+    regression: Regression,
+    settings: PolicyUpdate,
+    rng: np.random.Generator,
+    *,
+    group: Group = ALONE,
+    progress: Callable[[int, int], None] | None = None,
+    stop: Callable[[], bool] | None = None,
+) -> list[float]:
+    """The epochs of an update, on every member of a group alike; otherwise as `policy_update`.
+
+    Returns:
+        The mean loss of every epoch.
+    """
+    B, size = settings.batch, len(regression.actions)
+    minibatches = minibatches_per_epoch(size, B)
+    observations = gathered(regression.frames, regression.observations)
+    gradients = minibatch_gradients(
+        settings.engine, network, observations, regression.actions, regression.y, group=group
+    )
+    losses: list[float] = []
+
+    network.train()
+    for epoch in range(settings.epochs):
+        if stop is not None and stop():
+            raise UpdateStopped(f"stopped after {epoch} of {settings.epochs} epochs")
+        set_learning_rate(optimizer, annealing(epoch, settings))
+        order = torch.from_numpy(rng.permutation(size)).to(observations.device)
+        total = torch.zeros((), device=observations.device)
+        for k in range(minibatches):
+            total += gradients(order[B * k : B * (k + 1)])
+            optimizer.step()
+            network.clip_latent_weights()
+        losses.append(_finite(float(total) / minibatches, network))
+        if progress is not None:
+            progress(epoch + 1, settings.epochs)
+    return losses
 
 
 def annealing(epoch: int, settings: PolicyUpdate) -> float:

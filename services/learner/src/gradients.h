@@ -58,8 +58,8 @@ inline void gradients(const Geometry& geometry, const Batch& batch, const Parame
   for (int b = 0; b < B; ++b)
     convolve_pixels(layers[0], batch.pixels[b], work.pixel_signs, work.outputs[0] + b * conv1_values);
   for (int l = 0; l < last; ++l) {
-    normalize(B * layers[l].positions(), layers[l].width, work.outputs[l], work.gamma[l], work.beta[l],
-              work.norm_scale[l], work.inputs[l + 1]);
+    normalize(batch, layers[l], work.outputs[l], work.gamma[l], work.beta[l], work.norm_scale[l],
+              work.inputs[l + 1]);
     layer_outputs(geometry, B, work, l + 1);
   }
 
@@ -72,8 +72,8 @@ inline void gradients(const Geometry& geometry, const Batch& batch, const Parame
   for (int l = last; l >= 0; --l) {
     const Layer& layer = layers[l];
     if (l < last) {
-      normalize_back(B * layer.positions(), layer.width, work.gradients[l], work.outputs[l], work.gamma[l],
-                     work.beta[l], work.norm_scale[l], padded_gamma, padded_beta);
+      normalize_back(batch, layer, work.gradients[l], work.outputs[l], work.gamma[l], work.beta[l],
+                     work.norm_scale[l], padded_gamma, padded_beta);
       first -= layer.outputs;
       std::memcpy(out.gamma + first, padded_gamma, sizeof(float) * layer.outputs);
       std::memcpy(out.beta + first, padded_beta, sizeof(float) * layer.outputs);

@@ -34,7 +34,7 @@ inline void layer_gradients(const Geometry& geometry, const Batch& batch, const 
   input_gradients(layer, B, g, work.weights[l], work.gradients[l - 1]);
 }
 
-// J = 1/2 (y - P)^2 with P = scale o, section IV-C: its mean, and the gradients of log scale and of o.
+// J = 1/2 (y - P)^2 with P = scale o, section IV-C: the share of its mean, and the gradients of log scale and of o.
 struct Loss {
   float mean, log_scale;
 };
@@ -46,9 +46,9 @@ inline Loss take_loss(const Layer& last, const Batch& batch, float scale, const 
     const float P = scale * o[taken], error = P - batch.targets[b];
     loss += 0.5 * error * error;
     scale_gradient += double(error) * P;
-    g[taken] = error * scale / batch.size;
+    g[taken] = error * scale / batch.total;
   }
-  return {static_cast<float>(loss / batch.size), static_cast<float>(scale_gradient / batch.size)};
+  return {static_cast<float>(loss / batch.total), static_cast<float>(scale_gradient / batch.total)};
 }
 
 // Calls f(layer, where it begins in the weight vector, gradients, how many) for every run of the vector.

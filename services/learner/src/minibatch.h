@@ -8,11 +8,24 @@
 
 namespace bpn {
 
+// Adds up numbers over all who share a minibatch, in place; null for one alone, whose sums are complete.
+struct Exchange {
+  void (*sum)(void* context, double* values, int count) = nullptr;
+  void* context = nullptr;
+
+  void operator()(double* values, int count) const {
+    if (sum) sum(context, values, count);
+  }
+};
+
+// A share of a minibatch, or all of it. Losses and gradients are this share's part of the minibatch's means.
 struct Batch {
-  int size;
+  int size;                      // images of this share, maybe 0
   const uint8_t* const* pixels;  // per image: [row][column][channel], readable kSlack bytes beyond its end
   const int64_t* actions;
   const float* targets;
+  int total;                     // images of all shares
+  Exchange exchange = {};
 };
 constexpr int kSlack = 64;
 

@@ -1,12 +1,15 @@
 // The Python side of the minibatch kernel: bpn_learner._native.
 #include <nanobind/nanobind.h>
 #include <nanobind/ndarray.h>
+#include <nanobind/stl/optional.h>
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/vector.h>
 
+#include <algorithm>
 #include <cstring>
 #include <memory>
 #include <new>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -75,9 +78,10 @@ class Scratch {
   Scratch(const Scratch&) = delete;
 
  protected:
-  // Checks a minibatch and finds its images. It is valid until the next call.
+  // Checks a share of a minibatch of `total` and finds its images. It is valid until the next call.
   Batch take(const Array<const uint8_t, 4>& observations, const Array<const int64_t, 1>& batch,
-             const Array<const int64_t, 1>& actions, const Array<const float, 1>& targets) {
+             const Array<const int64_t, 1>& actions, const Array<const float, 1>& targets, int total,
+             Exchange exchange = {}) {
     const Layer& conv1 = geometry_.layers[0];
     const size_t n = observations.shape(0), B = batch.shape(0);
     if (observations.shape(1) != kImagePx || observations.shape(2) != kImagePx ||
@@ -85,7 +89,7 @@ class Scratch {
       throw nb::value_error("observations have not the network's shape uint8[n, 84, 84, C]");
     if (actions.shape(0) != n || targets.shape(0) != n)
       throw nb::value_error("observations, actions and targets have different lengths");
-    if (B < 1) throw nb::value_error("a minibatch needs at least 1 transition");
+    if (total < 1 || size_t(total) < B) throw nb::value_error("a minibatch needs at least 1 transition");
     images_.resize(B), actions_.resize(B), targets_.resize(B);
     for (size_t b = 0; b < B; ++b) {
       const int64_t i = batch.data()[b];
@@ -98,8 +102,8 @@ class Scratch {
       if (size_t(i) == n - 1)  // nothing may be read behind the last one
         images_[b] = static_cast<uint8_t*>(std::memcpy(padded_image_, images_[b], conv1.image));
     }
-    reserve(B);
-    return {int(B), images_.data(), actions_.data(), targets_.data()};
+    reserve(std::max(B, size_t(1)));
+    return {int(B), images_.data(), actions_.data(), targets_.data(), total, exchange};
   }
 
   static void check_sizes(bool fit) {
@@ -132,6 +136,24 @@ class Scratch {
   std::vector<float> targets_;
 };
 
+// Has a Python function add up numbers; without one, nobody shares the minibatch.
+class PythonExchange {
+ public:
+  explicit PythonExchange(const std::optional<nb::callable>& function) : function_(function) {}
+
+  Exchange exchange() { return function_ ? Exchange{&PythonExchange::sum, this} : Exchange{}; }
+
+ private:
+  static void sum(void* self, double* values, int count) {
+    nb::gil_scoped_acquire with_gil;
+    const size_t shape[] = {size_t(count)};
+    const nb::ndarray<nb::numpy, double> sums(values, 1, shape, nb::handle());
+    (*static_cast<PythonExchange*>(self)->function_)(nb::cast(sums, nb::rv_policy::reference));
+  }
+
+  const std::optional<nb::callable>& function_;
+};
+
 class Kernel : Scratch {
  public:
   Kernel(const std::string& path, int channels, int nodes, int actions)
@@ -150,10 +172,12 @@ class Kernel : Scratch {
                       const Array<const int64_t, 1>& actions, const Array<const float, 1>& targets,
                       const Array<const float, 1>& latent, const Array<const float, 1>& gamma,
                       const Array<const float, 1>& beta, float log_scale, const Array<float, 1>& d_latent,
-                      const Array<float, 1>& d_gamma, const Array<float, 1>& d_beta) {
+                      const Array<float, 1>& d_gamma, const Array<float, 1>& d_beta, int total,
+                      const std::optional<nb::callable>& sum) {
     check_sizes(latent.shape(0) == weights_ && d_latent.shape(0) == weights_ && gamma.shape(0) == norms_ &&
                 beta.shape(0) == norms_ && d_gamma.shape(0) == norms_ && d_beta.shape(0) == norms_);
-    const Batch taken = take(observations, batch, actions, targets);
+    PythonExchange others(sum);
+    const Batch taken = take(observations, batch, actions, targets, total, others.exchange());
     Gradients out{d_latent.data(), d_gamma.data(), d_beta.data(), 0, 0};
     {
       nb::gil_scoped_release without_gil;
@@ -175,10 +199,10 @@ class FloatKernel : Scratch {
   float gradients(const Array<const uint8_t, 4>& observations, const Array<const int64_t, 1>& batch,
                   const Array<const int64_t, 1>& actions, const Array<const float, 1>& targets,
                   const Array<const float, 1>& weights, const Array<const float, 1>& biases,
-                  const Array<float, 1>& d_weights, const Array<float, 1>& d_biases) {
+                  const Array<float, 1>& d_weights, const Array<float, 1>& d_biases, int total) {
     check_sizes(weights.shape(0) == weights_ && d_weights.shape(0) == weights_ &&
                 biases.shape(0) == biases_ && d_biases.shape(0) == biases_);
-    const Batch taken = take(observations, batch, actions, targets);
+    const Batch taken = take(observations, batch, actions, targets, total);
     FloatGradients out{d_weights.data(), d_biases.data(), 0};
     nb::gil_scoped_release without_gil;
     path_.float_gradients(geometry_, taken, {weights.data(), biases.data()}, work_, out);

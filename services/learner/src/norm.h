@@ -3,6 +3,7 @@
 
 #include <cmath>
 
+#include "minibatch.h"
 #include "vectors.h"
 
 namespace bpn {
@@ -18,10 +19,14 @@ constexpr float kPassBound = 1.0f + 0x1p-23f;  // the straight-through gradient 
 inline EightDoubles as_doubles(Eight v) { return __builtin_convertvector(v, EightDoubles); }
 inline Eight as_floats(EightDoubles v) { return __builtin_convertvector(v, Eight); }
 
-// o [n][width] becomes normalized, s its sign after gamma and beta. The sums of integers and of their
-// squares are exact in double: the statistics do not depend on any order.
-inline void normalize(int n, int width, float* o, const float* gamma, const float* beta, float* norm_scale,
-                      float* s) {
+// o [n][width] becomes normalized, s its sign after gamma and beta, with the statistics of the whole minibatch.
+// The sums of integers and of their squares are exact in double: the statistics do not depend on any order,
+// nor on how a minibatch is shared.
+inline void normalize(const Batch& batch, const Layer& layer, float* o, const float* gamma, const float* beta,
+                      float* norm_scale, float* s) {
+  const int n = batch.size * layer.positions(), width = layer.width;
+  const double total = double(batch.total) * layer.positions();
+  double sums[2 * kMaxNodes];  // of the values, of their squares
   for (int c = 0; c < width; c += 8) {
     EightDoubles sum = {}, squares = {};
     for (int i = 0; i < n; ++i) {
@@ -29,10 +34,14 @@ inline void normalize(int n, int width, float* o, const float* gamma, const floa
       sum += value;
       squares += value * value;
     }
-    const EightDoubles mean = sum / double(n);
+    store(sums + c, sum), store(sums + width + c, squares);
+  }
+  batch.exchange(sums, 2 * width);
+  for (int c = 0; c < width; c += 8) {
+    const EightDoubles mean = loaded<EightDoubles>(sums + c) / total;
     EightDoubles scale;
     for (int k = 0; k < 8; ++k) {
-      const double variance = squares[k] / n - mean[k] * mean[k];
+      const double variance = sums[width + c + k] / total - mean[k] * mean[k];
       scale[k] = 1 / std::sqrt((variance > 0 ? variance : 0) + kEpsilon);
     }
     store(norm_scale + c, as_floats(scale));
@@ -47,9 +56,13 @@ inline void normalize(int n, int width, float* o, const float* gamma, const floa
   }
 }
 
-// g, the gradient of s, becomes that of o; the sums for gamma and beta are left in theirs.
-inline void normalize_back(int n, int width, float* g, const float* normalized, const float* gamma,
-                           const float* beta, const float* norm_scale, float* d_gamma, float* d_beta) {
+// g, the gradient of s, becomes that of o; this share's sums for gamma and beta are left in theirs.
+inline void normalize_back(const Batch& batch, const Layer& layer, float* g, const float* normalized,
+                           const float* gamma, const float* beta, const float* norm_scale, float* d_gamma,
+                           float* d_beta) {
+  const int n = batch.size * layer.positions(), width = layer.width;
+  const double total = double(batch.total) * layer.positions();
+  double sums[2 * kMaxNodes];  // of what passes Sign, of its products with the normalized values
   for (int c = 0; c < width; c += 8) {
     const Eight a = loaded<Eight>(gamma + c), b = loaded<Eight>(beta + c);
     EightDoubles sum = {}, products = {};
@@ -64,8 +77,13 @@ inline void normalize_back(int n, int width, float* g, const float* normalized, 
     }
     store(d_beta + c, as_floats(sum));
     store(d_gamma + c, as_floats(products));
-    const Eight mean = as_floats(sum / double(n)), slope = as_floats(products / double(n));
-    const Eight scale = a * loaded<Eight>(norm_scale + c);
+    store(sums + c, sum), store(sums + width + c, products);
+  }
+  batch.exchange(sums, 2 * width);
+  for (int c = 0; c < width; c += 8) {
+    const Eight mean = as_floats(loaded<EightDoubles>(sums + c) / total);
+    const Eight slope = as_floats(loaded<EightDoubles>(sums + width + c) / total);
+    const Eight scale = loaded<Eight>(gamma + c) * loaded<Eight>(norm_scale + c);
     for (int i = 0; i < n; ++i) {
       float* at = g + i * width + c;
       store(at, scale * (loaded<Eight>(at) - mean - slope * loaded<Eight>(normalized + i * width + c)));

@@ -44,10 +44,10 @@ class World(RuleBasedStateMachine):
         self.made += 1
         self.workers[f"{role}-{self.made}"] = Worker(role, label)
 
-    @rule(slots=st.integers(1, 3))
-    def a_run_is_made(self, slots: int) -> None:
+    @rule(slots=st.integers(1, 3), learners=st.integers(1, 3))
+    def a_run_is_made(self, slots: int, learners: int) -> None:
         self.runs += 1
-        self.demands.append(Demand(UUID(int=self.runs), slots))
+        self.demands.append(Demand(UUID(int=self.runs), slots, learners))
         self.book.demand(self.demands)
 
     @precondition(lambda self: self.demands)
@@ -63,8 +63,8 @@ class World(RuleBasedStateMachine):
             return
         place = worker.place
         assert place.role == worker.role
-        slots = {demand.run: demand.slots for demand in self.demands}
-        assert place.slot < (1 if place.role == "learner" else slots[place.run])
+        demands = {demand.run: demand for demand in self.demands}
+        assert place.slot < demands[place.run].places(place.role)
         assert not [w for w in self.workers.values() if w.token and w.place == place]
         assert place.role == "learner" or self.book.holder(place.learner) is not None
 
@@ -154,20 +154,28 @@ class World(RuleBasedStateMachine):
         self.nobody_works_beside_another_without_being_released()
         assert self.book.to_release(self.now_s) == []
         idle = [worker for worker in self.workers.values() if worker.place is None]
+        learners = sum(worker.role == "learner" for worker in self.workers.values())
         for demand in self.demands:
-            learner = Place(demand.run, "learner", 0)
-            if self.book.holder(learner) is None:
+            held = [
+                self.book.holder(Place(demand.run, "learner", i)) for i in range(demand.learners)
+            ]
+            if not all(held) and demand.learners <= learners:
                 assert not [worker for worker in idle if worker.role == "learner"]
+            if held[0] is None:
                 continue
             for slot in range(demand.slots):
                 for role in ("robot_sim", "edge"):
                     if self.book.holder(Place(demand.run, role, slot)) is None:
                         assert not [worker for worker in idle if worker.role == role]
         if self.demands and {worker.role for worker in self.workers.values()} == set(ROLES):
-            assert any(
+            possible = [demand for demand in self.demands if demand.learners <= learners]
+            assert not possible or any(
                 all(self.book.holder(Place(demand.run, role, slot)) for role in ROLES[1:])
-                and self.book.holder(Place(demand.run, "learner", 0))
-                for demand in self.demands
+                and all(
+                    self.book.holder(Place(demand.run, "learner", i))
+                    for i in range(demand.learners)
+                )
+                for demand in possible
                 for slot in range(demand.slots)
             ), "some run could go on, and none does"
 
@@ -251,3 +259,43 @@ def test_nothing_is_granted_while_tokens_are_still_being_told_or_where_it_is_not
     assert book.ask("learner", "l0", "", 4.9) is None
     admitted = book.ask("learner", "l0", "", 5.0, admit=lambda place: place.run != A)
     assert admitted == Place(B, "learner", 0)
+
+
+def test_learners_complete_one_group_before_the_next_run_begins() -> None:
+    book = LeaseBook()
+    book.demand([Demand(A, 1, 2), Demand(B, 1, 2)])
+    assert book.ask("learner", "l0", "", 0.0) is None  # alone it is of no use
+    places = [filled(book, "learner", f"l{i}") for i in (1, 2)]
+    assert places == [Place(A, "learner", 0), Place(A, "learner", 1)]
+    assert filled(book, "learner", "l0") == Place(B, "learner", 0)
+    book.vanished(places[1], "l2", 1.0)
+    assert filled(book, "learner", "l3") == places[1]  # the older run's lost one comes first
+    assert filled(book, "learner", "l4") == Place(B, "learner", 1)
+
+
+def test_learners_of_incomplete_groups_make_up_one_in_the_older_run() -> None:
+    book = LeaseBook()
+    book.demand([Demand(A, 1, 2), Demand(B, 1, 2)])
+    for i, run in enumerate((A, A, B, B)):
+        book.appeared(Place(run, "learner", i % 2), f"l{i}", 0.0)
+    for run, worker in ((A, "l1"), (B, "l3")):
+        book.vanished(Place(run, "learner", 1), worker, 1000.0)
+        book.gone(worker)
+    assert book.to_release(1000.0 + PATIENCE_S - 1) == []
+    assert book.to_release(1000.0 + PATIENCE_S + 1) == [(Place(B, "learner", 0), "l2")]
+    book.vanished(Place(B, "learner", 0), "l2", 1012.0)
+    assert filled(book, "learner", "l2", now_s=1012.0) == Place(A, "learner", 1)
+    assert book.to_release(1100.0) == []
+
+
+def test_a_run_that_wants_more_learners_than_there_are_keeps_nobody_waiting() -> None:
+    book = LeaseBook()
+    book.demand([Demand(A, 1, 3), Demand(B, 1)])
+    assert filled(book, "learner", "l0") == Place(B, "learner", 0)
+    assert book.ask("learner", "l1", "", 0.0) is None
+    assert filled(book, "learner", "l2") == Place(A, "learner", 0)  # now there are three
+    assert filled(book, "learner", "l1") == Place(A, "learner", 1)
+    book.demand([Demand(A, 1, 3), Demand(B, 1), Demand(UUID(int=3), 1)])
+    book.vanished(Place(A, "learner", 1), "l1", 1000.0)
+    book.gone("l1")
+    assert book.to_release(1011.0) == [(Place(A, "learner", 0), "l2")]

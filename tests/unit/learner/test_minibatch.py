@@ -1,15 +1,22 @@
 """The kernel's gradients are autograd's: every geometry, every instruction-set path, bit by bit repeatable."""
 
-import copy
 from collections.abc import Callable
 
-import numpy as np
 import pytest
 import torch
 from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
+from minibatches import (
+    TRANSITIONS,
+    binary_network,
+    data,
+    distance,
+    exact_gradients,
+    float_network,
+    margin,
+    named_gradients,
+)
 from torch import Tensor
-from torch.nn import functional
 
 from bpn_learner.minibatch import (
     Gradients,
@@ -20,78 +27,14 @@ from bpn_learner.minibatch import (
     native_gradients,
 )
 from bpn_learner.networks import (
-    BATCH_NORM_EPSILON,
     BinaryNetwork,
     FloatNetwork,
-    PNetwork,
     dot_products,
 )
 from bpn_learner.update import make_optimizer
 from bpn_shared.bnn.spec import NetworkSpec
 
-TRANSITIONS = 12
 PATHS = available_paths()
-
-
-def binary_network(spec: NetworkSpec, seed: int) -> BinaryNetwork:
-    generator = torch.Generator().manual_seed(seed)
-    network = BinaryNetwork(spec, scale_initial=0.2, generator=generator).train()
-    network.latent.data.uniform_(-1.2, 1.2, generator=generator)  # some beyond the gate of Sign
-    network.gamma.data.normal_(generator=generator)
-    network.beta.data.normal_(generator=generator)
-    return network
-
-
-def float_network(spec: NetworkSpec, seed: int) -> FloatNetwork:
-    network = FloatNetwork(spec, generator=torch.Generator().manual_seed(seed)).train()
-    network.weights.data.mul_(2)  # so that the signal reaches the last layer
-    return network
-
-
-def data(spec: NetworkSpec, seed: int) -> tuple[Tensor, Tensor, Tensor]:
-    rng = np.random.default_rng(seed)
-    pixels = rng.integers(0, 256, (TRANSITIONS, 84, 84, spec.channels), np.uint8)
-    actions = rng.integers(0, spec.actions, TRANSITIONS)
-    y = rng.normal(size=TRANSITIONS).astype(np.float32)
-    return torch.from_numpy(pixels), torch.from_numpy(actions), torch.from_numpy(y)
-
-
-def named_gradients(network: PNetwork, gradients: Gradients, batch: Tensor) -> dict[str, Tensor]:
-    network.zero_grad()
-    loss = torch.as_tensor(float(gradients(batch)))
-    named = {name: p.grad.clone() for name, p in network.named_parameters() if p.grad is not None}
-    return {"loss": loss, **named}
-
-
-@torch.no_grad()
-def margin(network: BinaryNetwork, pixels: Tensor) -> float:
-    """How far the nearest normalized value is from where Sign or its gradient jumps, in float64."""
-    sizes = [layer.out_channels for layer in network.spec.layers[:-1]]
-    gammas, betas = network.gamma.double().split(sizes), network.beta.double().split(sizes)
-    x, nearest = pixels.double().permute(0, 3, 1, 2), float("inf")
-    for layer, signs, gamma, beta in zip(
-        network.spec.layers, network.signs(), gammas, betas, strict=False
-    ):
-        o = dot_products(layer, signs.double(), x)
-        z = functional.batch_norm(o, None, None, gamma, beta, training=True, eps=BATCH_NORM_EPSILON)
-        nearest = min(nearest, float(z.abs().min()), float((z.abs() - 1).abs().min()))
-        x = torch.where(z >= 0, 1.0, -1.0).double()
-    return nearest
-
-
-def exact_gradients(
-    network: PNetwork, pixels: Tensor, actions: Tensor, y: Tensor, batch: Tensor
-) -> dict[str, Tensor]:
-    double = copy.deepcopy(network).double()
-    P = double(pixels[batch].double().permute(0, 3, 1, 2))
-    loss = (y[batch] - P.gather(1, actions[batch, None]).squeeze(1)).square().mean() / 2
-    loss.backward()
-    named = {name: p.grad for name, p in double.named_parameters() if p.grad is not None}
-    return {"loss": loss.detach(), **named}
-
-
-def distance(found: Tensor, exact: Tensor) -> float:
-    return float((found - exact).norm() / exact.norm().clamp_min(1e-12))
 
 
 @pytest.mark.parametrize("path", PATHS)

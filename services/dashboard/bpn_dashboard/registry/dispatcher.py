@@ -153,7 +153,10 @@ class Dispatcher:
         state = self._recorded_state(place.run)
         if state is None or state in OVER:
             return False
-        return place.role != "learner" or not self._store.folder(str(place.run)).is_owned()
+        if place.role != "learner" or not self._store.folder(str(place.run)).is_owned():
+            return True
+        # Its owner is a worker of ours that wants others beside it, or else somebody of whom we know nothing.
+        return place != place.learner and self._book.holder(place.learner) is not None
 
     def _recorded_state(self, run: UUID) -> str | None:
         try:
@@ -236,7 +239,12 @@ class Dispatcher:
         ]  # fmt: skip
         wanted.sort(key=lambda row: (row.created_at, row.id))
         with self._lock:
-            self._book.demand([Demand(UUID(row.id), row.config["robots"]) for row in wanted])
+            self._book.demand(
+                [
+                    Demand(UUID(row.id), row.config["robots"], row.config.get("learners", 1))
+                    for row in wanted
+                ]
+            )
 
     def _count_deaths(self, now_s: float) -> None:
         with self._lock:

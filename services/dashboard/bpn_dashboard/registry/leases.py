@@ -1,8 +1,8 @@
 """Who works where: a book of leases without a network.
 
-A place is one role in one run: its learner, or the robot or edge of one of its slots. A lease is a worker's
-token at a place, or a grant so young that its token may still come. So whoever reads all tokens knows all
-leases, and a registry that was restarted goes on where the last one stopped.
+A place is one role in one run: one of its learners, or the robot or edge of one of its slots. A lease is a
+worker's token at a place, or a grant so young that its token may still come. So whoever reads all tokens
+knows all leases, and a registry that was restarted goes on where the last one stopped.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -21,7 +21,7 @@ _PARTNER: dict[Role, Role] = {"robot_sim": "edge", "edge": "robot_sim"}
 
 
 class Place(NamedTuple):
-    """A role in a run; a learner's slot is 0."""
+    """A role in a run; a learner's slot is its rank among the learners that share the run's updates."""
 
     run: UUID
     role: Role
@@ -29,7 +29,7 @@ class Place(NamedTuple):
 
     @property
     def learner(self) -> "Place":
-        """The place of this run's learner."""
+        """The place of this run's learner of rank 0, to whom the run's folder belongs."""
         return Place(self.run, "learner", 0)
 
     @property
@@ -39,10 +39,15 @@ class Place(NamedTuple):
 
 
 class Demand(NamedTuple):
-    """A run that wants workers: a learner, and a robot with its edge for every slot."""
+    """A run that wants workers: learners, and a robot with its edge for every slot."""
 
     run: UUID
     slots: int
+    learners: int = 1
+
+    def places(self, role: Role) -> int:
+        """How many workers of a role it wants."""
+        return self.learners if role == "learner" else self.slots
 
 
 @dataclass
@@ -58,16 +63,19 @@ class LeaseBook:
     """The leases of all runs. Times are seconds of any clock that does not jump; not thread-safe."""
 
     def __init__(self) -> None:
-        self._demands: dict[UUID, tuple[int, int]] = {}  # its rank in the queue and its slots
+        self._demands: dict[UUID, Demand] = {}
+        self._ranks: dict[UUID, int] = {}  # in the queue
         self._leases: dict[Place, Lease] = {}
         self._surplus: dict[Place, list[str]] = {}  # whose token came to a place that was taken
         self._left_s: dict[Place, float] = {}  # when a place was last left
         self._labels: dict[str, str] = {}
+        self._asked: set[str] = set()  # learners that have asked
         self._quiet_until_s = float("-inf")
 
     def demand(self, runs: Sequence[Demand]) -> None:
         """Sets which runs want workers, those to serve first first."""
-        self._demands = {run.run: (rank, run.slots) for rank, run in enumerate(runs)}
+        self._demands = {run.run: run for run in runs}
+        self._ranks = {run.run: rank for rank, run in enumerate(runs)}
         known = self._demands.keys() | self.runs()
         self._left_s = {place: t for place, t in self._left_s.items() if place.run in known}
 
@@ -96,6 +104,7 @@ class LeaseBook:
     def gone(self, worker: str) -> None:
         """A worker has died, or will not ask again."""
         self._labels.pop(worker, None)
+        self._asked.discard(worker)
 
     def _leave(self, place: Place, now_s: float) -> None:
         del self._leases[place]
@@ -139,6 +148,8 @@ class LeaseBook:
             admit: asked last, whether a place may be given away.
         """
         self._labels[worker] = label
+        if role == "learner":
+            self._asked.add(worker)
         self.expire(now_s)
         for place in list(self._leases):
             self.vanished(place, worker, now_s)
@@ -157,23 +168,40 @@ class LeaseBook:
                 del self._leases[place]
 
     def _vacant(self, role: Role) -> Iterator[Place]:
-        """The wanted places of a role that nobody has; slots only of runs that have a learner."""
-        for run, (_, slots) in self._demands.items():
-            learner = Place(run, "learner", 0)
-            if role == "learner":
-                places = [learner]
-            elif learner in self._leases:
-                places = [Place(run, role, slot) for slot in range(slots)]
-            else:
-                places = []
-            yield from (place for place in places if place not in self._leases)
+        """The wanted places of a role that nobody has, in runs that can use it now.
+
+        Slots are of no use without a learner, and a learner is of none where there are not as many as
+        the run wants to share its updates.
+        """
+        learners = self._learners()
+        for run, demand in self._demands.items():
+            if (
+                demand.learners <= learners
+                if role == "learner"
+                else Place(run, "learner", 0) in self._leases
+            ):
+                places = (Place(run, role, slot) for slot in range(demand.places(role)))
+                yield from (place for place in places if place not in self._leases)
+
+    def _learners(self) -> int:
+        """How many learners there are, at work or idle."""
+        at_work = {lease.worker for p, lease in self._leases.items() if p.role == "learner"}
+        return len(at_work | self._asked)
 
     def _urgency(self, place: Place, label: str, now_s: float) -> tuple[int, int, int]:
-        """Smaller is more urgent: pairs are completed first, then every run gets its first slot."""
-        rank, _ = self._demands[place.run]
+        """Smaller is more urgent.
+
+        Learners that lack others to share updates with get them before another run begins; pairs of robot
+        and edge are completed first, then every run gets its first slot.
+        """
+        rank = self._ranks[place.run]
         if place.role == "learner":
-            return 0, 0, rank
+            return not self._has_begun(place.run), rank, place.slot
         return self._fit(place, label, now_s), place.slot, rank
+
+    def _has_begun(self, run: UUID) -> bool:
+        """Whether the run has any of its learners."""
+        return any(place.run == run and place.role == "learner" for place in self._leases)
 
     def _fit(self, place: Place, label: str, now_s: float) -> int:
         partner = self._leases.get(place.partner)
@@ -206,15 +234,18 @@ class LeaseBook:
 
     def _is_wanted(self, place: Place) -> bool:
         demand = self._demands.get(place.run)
-        return demand is not None and place.slot < (1 if place.role == "learner" else demand[1])
+        return demand is not None and place.slot < demand.places(place.role)
 
     def _is_in_vain(self, place: Place, now_s: float) -> bool:
-        """Whether a robot or an edge waits here for others while elsewhere others wait for it.
+        """Whether a worker waits here for others while elsewhere others wait for it.
 
-        With few workers one run could keep the robot and another the edge, and neither go on.
+        With few workers one run could keep the robot and another the edge, or each have some of its
+        learners, and neither go on.
         """
-        if place.role == "learner" or not self._is_wanted(place):
+        if not self._is_wanted(place):
             return False
+        if place.role == "learner":
+            return self._waits_in_vain(place, now_s)
         lease = self._leases[place]
         if self._missing_s(place.learner, lease, now_s) > PATIENCE_S:
             return any(True for _ in self._vacant(place.role))
@@ -227,5 +258,19 @@ class LeaseBook:
             for vacancy in self._vacant(place.role)
         )
 
+    def _waits_in_vain(self, place: Place, now_s: float) -> bool:
+        """Whether a learner has long lacked others, and is of more use in an older run, or in any other if
+        there are not enough learners for its own.
+        """
+        lease, demand = self._leases[place], self._demands[place.run]
+        places = (place._replace(slot=slot) for slot in range(demand.learners))
+        if all(self._missing_s(other, lease, now_s) <= PATIENCE_S for other in places):
+            return False
+        too_few = self._learners() < demand.learners
+        return any(
+            too_few or self._ranks[vacancy.run] < self._ranks[place.run]
+            for vacancy in self._vacant("learner")
+        )
+
     def _precedence(self, place: Place) -> tuple[int, int]:
-        return self._demands[place.run][0], place.slot
+        return self._ranks[place.run], place.slot

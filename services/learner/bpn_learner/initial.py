@@ -1,0 +1,32 @@
+"""A run's network and optimizer before its first update, as its configuration determines them."""
+
+import torch
+
+from bpn_learner.networks import PNetwork, make_network
+from bpn_learner.update import make_optimizer
+from bpn_shared.config import ConfigError, RunConfig
+from bpn_shared.seeds import initial_weights_seed
+
+
+def initial_policy(config: RunConfig) -> tuple[PNetwork, torch.optim.Optimizer]:
+    """Network and optimizer of iteration 0, on the run's device.
+
+    Raises:
+        ConfigError: the device is not there.
+    """
+    torch.set_num_threads(1)  # determinism, and other processes share the cores
+    network = make_network(
+        config.algorithm_spec.network,
+        config.network,
+        scale_initial=config.scale_initial,
+        generator=torch.Generator().manual_seed(initial_weights_seed(config.seed)),
+    ).to(_device(config))
+    return network, make_optimizer(network, config.learning_rate)
+
+
+def _device(config: RunConfig) -> torch.device:
+    """The device that the run asks for."""
+    if config.device == "cuda" and not torch.cuda.is_available():
+        raise ConfigError("device = 'cuda': torch finds no GPU on this machine; choose cpu")
+    torch.backends.cudnn.allow_tf32 = False  # whole float32, or sums of signs are not exact
+    return torch.device(config.device)

@@ -1,0 +1,90 @@
+"""A learner of rank 1 or above: takes its part in the run's updates and needs nothing but rank 0 for it."""
+
+import contextlib
+import logging
+
+from bpn_learner.group import GroupLostError
+from bpn_learner.handout import take
+from bpn_learner.initial import initial_policy
+from bpn_learner.rendezvous import join
+from bpn_learner.update import DivergenceError, PolicyUpdate, UpdateStopped, fit
+from bpn_shared import keys
+from bpn_shared.bus.requests import NoReplyError, RefusedError, request
+from bpn_shared.config import RunConfig
+from bpn_shared.messages.base import MessageError
+from bpn_shared.messages.meeting import MeetingReply, MeetingRequest
+from bpn_shared.seeds import shuffle_generator
+from bpn_shared.worker import EXIT_FINISHED, Worker, fetch_config
+
+log = logging.getLogger(__name__)
+
+_ASK_TIMEOUT_S = 2.0
+_ASK_AGAIN_S = 0.1
+
+
+def serve_member(worker: Worker) -> int:
+    """Takes part in update after update until the worker is stopped.
+
+    Raises:
+        ConfigError: rank 0's configuration cannot be used here.
+    """
+    config = fetch_config(worker)
+    if config is None:
+        return EXIT_FINISHED
+    member = _Member(worker, config)
+    while (meeting := member.next_meeting()) is not None:
+        try:
+            member.update(meeting)
+        except UpdateStopped:
+            break
+        except (GroupLostError, DivergenceError) as error:
+            log.warning("gives up the update: %s", error)
+    return EXIT_FINISHED
+
+
+class _Member:
+    def __init__(self, worker: Worker, config: RunConfig) -> None:
+        self._worker, self._config = worker, config
+        self._network, self._optimizer = initial_policy(config)
+
+    def next_meeting(self) -> MeetingReply | None:
+        """Waits for rank 0 to begin an update; None if the worker was stopped."""
+        worker = self._worker
+        body = MeetingRequest(rank=worker.slot, worker=worker.id).encode()
+        key = keys.meeting(worker.run)
+        while not worker.stop.is_set():
+            try:
+                reply = MeetingReply.decode(
+                    request(worker.bus, key, body, timeout_s=_ASK_TIMEOUT_S)
+                )
+                if reply.verdict == "meet":
+                    worker.waiting.done()
+                    return reply
+                worker.waiting.set("the run's next update")
+            except NoReplyError:
+                worker.waiting.set("the run's learner of rank 0")
+            except (RefusedError, MessageError) as error:
+                worker.counters.refuse("meetings_refused", f"asking for the next update: {error}")
+            worker.stop.wait(_ASK_AGAIN_S)
+        return None
+
+    def update(self, meeting: MeetingReply) -> None:
+        """Takes part in one update.
+
+        Raises:
+            GroupLostError, DivergenceError: it was given up.
+            UpdateStopped: the worker was stopped.
+        """
+        with contextlib.closing(join(self._worker, meeting, self._config)) as group:
+            regression, iteration = take(group, self._network, self._optimizer)
+            fit(
+                self._network,
+                self._optimizer,
+                regression,
+                PolicyUpdate.of_iteration(self._config, iteration),
+                shuffle_generator(self._config.seed, iteration),
+                group=group,
+                stop=self._worker.stop.is_set,
+            )
+        self._worker.counters.add("updates_shared")
+        log.info("took part in the update of iteration %d", iteration)

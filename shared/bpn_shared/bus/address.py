@@ -1,0 +1,34 @@
+"""Under which address others that use the same router reach this machine."""
+
+import re
+import socket
+
+from bpn_shared.config import ConfigError
+
+_ENDPOINT = re.compile(r"[a-z]+/\[?(?P<host>[^\]]+?)\]?:(?P<port>[0-9]+)")
+LOOPBACK = "127.0.0.1"
+
+
+def own_address(endpoint: str) -> str:
+    """The address from which this machine reaches the router at an endpoint, loopback if it runs here.
+
+    So a service that others of its kind must reach listens where they are, and nowhere else.
+
+    Raises:
+        ConfigError: the endpoint names no host that can be resolved.
+    """
+    if endpoint.startswith("unixsock-stream/"):
+        return LOOPBACK
+    match = _ENDPOINT.match(endpoint)
+    if match is None:
+        raise ConfigError(f"endpoint {endpoint!r} names no host and port")
+    try:
+        family, kind, protocol, _, router = socket.getaddrinfo(
+            match["host"], int(match["port"]), type=socket.SOCK_DGRAM
+        )[0]
+        with socket.socket(family, kind, protocol) as probe:
+            probe.connect(router)  # of a datagram socket: nothing is sent, a route is chosen
+            address: str = probe.getsockname()[0]
+    except OSError as error:
+        raise ConfigError(f"endpoint {endpoint!r}: {error}") from error
+    return address
