@@ -7,9 +7,9 @@ import json
 
 def add(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
     parser = subparsers.add_parser(
-        "bench", help="measure kernel, learner, loop or dashboard", description=__doc__
+        "bench", help="measure kernel, learner, learners, loop or dashboard", description=__doc__
     )
-    parser.add_argument("what", choices=("kernel", "learner", "loop", "dashboard"))
+    parser.add_argument("what", choices=("kernel", "learner", "learners", "loop", "dashboard"))
     parser.add_argument("--json", action="store_true", help="print one JSON object")
     parser.set_defaults(run=run)
 
