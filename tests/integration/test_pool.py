@@ -91,12 +91,12 @@ def config(small: list[str]) -> dict[str, Any]:
     return {"task": "reaching"} | {key: int(value) for key, value in given.items()}
 
 
-def learner_pid(pool: Pool, run_id: str, wait_for: WaitFor) -> int:
+def learner_pid(pool: Pool, run_id: str, wait_for: WaitFor, rank: int = 0) -> int:
     """Of the learner that works on a run, as it says itself."""
     with Bus(pool.dashboard.endpoint) as bus:
         tokens: list[str] = []
         watch = TokenWatch(
-            bus, keys.lease(run_id, "learner", "*", "*"), lambda key, _: tokens.append(key)
+            bus, keys.lease(run_id, "learner", rank, "*"), lambda key, _: tokens.append(key)
         )
         wait_for(lambda: tokens, "the token of the learner", LONG_S)
         worker = tokens[-1].rsplit("/", 1)[-1]
@@ -151,6 +151,22 @@ def test_two_learners_share_a_sweep_and_one_may_die(
         assert len(pool.folder(run_id).metrics()) == config["iterations"]
         names = {path.name for path in pool.folder(run_id).logs.iterdir()}
         assert names == {"learner.log", "edge-0.log", "robot_sim-0.log"}
+
+
+def test_two_learners_share_a_run_and_either_may_die(
+    pool: Pool, config: dict[str, Any], small: list[str], train: Train, wait_for: WaitFor
+) -> None:
+    alone = train("reaching", "--seed", "5", *small, "--learners", "2", "--epochs", "10")
+    shared = config | {"seed": 5, "learners": 2, "epochs": 10}
+    run_id = pool.dashboard.create_run(shared)["id"]
+    folder = pool.folder(run_id)
+    for iteration, rank in ((1, 1), (2, 0)):
+        wait_for(folder.episode_path(iteration, 3).exists, f"iteration {iteration}", LONG_S)
+        os.kill(learner_pid(pool, run_id, wait_for, rank), signal.SIGKILL)
+    wait_for(lambda: pool.state(run_id) == "finished", "the run's end", LONG_S)
+    assert pool.sha256(run_id) == alone["weights_sha256"]
+    assert folder.state().attempt == 2  # the second learner's death ended no attempt
+    assert (folder.logs / "learner-1.log").exists()
 
 
 def test_the_dashboard_may_die_in_the_middle_of_a_run(

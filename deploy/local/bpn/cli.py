@@ -29,7 +29,7 @@ COMMANDS = {
     "eval": Command("evaluate", "play a trained policy"),
     "reproduce": Command("reproduce", "make a figure or table of the paper"),
     "dashboard": Command("dashboard", "care of the dashboard's database"),
-    "bench": Command("bench", "measure kernel, learner, loop or dashboard"),
+    "bench": Command("bench", "measure kernel, learner, learners, loop or dashboard"),
     "doctor": Command("doctor", "check this machine"),
 }
 

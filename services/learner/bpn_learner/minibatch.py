@@ -160,12 +160,15 @@ def native_float_gradients(
     parameters = (network.weights, network.biases)
     together = _Gradients(parameters)
     # They share the tensors' memory.
-    arrays = [t.detach().numpy() for t in (*parameters, *together.parts)]
+    weights, biases = (parameter.detach().numpy() for parameter in parameters)
+    d_weights, d_biases = (part.numpy() for part in together.parts)
     observations, taken, targets = pixels.numpy(), actions.numpy(), y.numpy()
 
     def gradients(batch: Tensor) -> float:
-        part = group.part(batch).numpy()
-        loss = kernel.gradients(observations, part, taken, targets, *arrays, len(batch))
+        loss = kernel.gradients(
+            observations, group.part(batch).numpy(), taken, targets,
+            weights, biases, d_weights, d_biases, len(batch),
+        )  # fmt: skip
         together.loss.fill_(loss)
         group.add_up(together.vector)
         together.set()

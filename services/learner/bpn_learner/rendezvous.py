@@ -19,7 +19,7 @@ from datetime import timedelta
 from typing import Any
 
 import torch
-from torch.distributed import ProcessGroupGloo, TCPStore
+from torch.distributed import ProcessGroupGloo, TCPStore  # type: ignore[attr-defined]
 
 from bpn_learner.group import DistributedGroup, GroupLostError, brief
 from bpn_learner.update import UpdateStopped
@@ -146,7 +146,7 @@ def connect(store: TCPStore, address: str, rank: int, config: RunConfig) -> Dist
 
 
 def _gloo(store: TCPStore, address: str, rank: int, size: int) -> Any:
-    options = ProcessGroupGloo._Options()
+    options = ProcessGroupGloo._Options()  # type: ignore[attr-defined]  # torch's stubs: Options
     options._devices = [ProcessGroupGloo.create_device(hostname=address)]
     options._timeout = timedelta(seconds=JOIN_TIMEOUT_S)
     backend = ProcessGroupGloo(store, rank, size, options)

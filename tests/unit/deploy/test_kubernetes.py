@@ -106,8 +106,14 @@ def test_network_policies_name_pods_that_exist_and_let_everyone_reach_the_router
         for expression in policy["spec"]["podSelector"].get("matchExpressions", [])
         for name in expression["values"]
     }
-    assert named == {"router"}
+    assert named == {"router", "learner"}
     assert allowed == services - {"router"}
+    (among_learners,) = (p for p in policies if p["metadata"]["name"] == "learners")
+    learners = {"matchLabels": {"app.kubernetes.io/name": "learner"}}
+    spec = among_learners["spec"]
+    peers = [spec["ingress"][0]["from"], spec["egress"][0]["to"]]
+    assert spec["podSelector"] == learners
+    assert peers == [[{"podSelector": learners}]] * 2  # with each other and nobody else
 
 
 @pytest.mark.skipif(shutil.which("kubectl") is None, reason="kubectl renders, and is not here")

@@ -9,7 +9,7 @@ from bpn_shared.config import ConfigError
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("what", choices=("kernel", "learner", "loop", "dashboard"))
+    parser.add_argument("what", choices=("kernel", "learner", "learners", "loop", "dashboard"))
     parser.add_argument("--json", action="store_true", help="print one JSON object")
     parser.add_argument(
         "--parts",

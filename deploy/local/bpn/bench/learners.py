@@ -1,0 +1,171 @@
+"""`bpn bench learners`: minibatch updates per second of one learner, and of several that share minibatches.
+
+Tracking's network, one thread and a core of its own for each learner, connected over loopback. For every
+minibatch size one learner alone and the group take turns; reported are the medians of the rounds.
+"""
+
+import multiprocessing
+import os
+import socket
+import statistics
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+import torch
+from rich.console import Console
+from rich.table import Table
+
+from bpn.bench.learner import SPEC
+from bpn.bench.machine import machine
+from bpn_learner.group import ALONE, DistributedGroup, Group
+from bpn_learner.minibatch import available_paths
+from bpn_learner.networks import make_network
+from bpn_learner.rendezvous import connect, open_store
+from bpn_learner.update import PolicyUpdate, Regression, fit, make_optimizer
+from bpn_shared.config import RunConfig
+
+LEARNERS = 2
+BATCHES = (32, 256, 1024)
+ROUNDS = 5
+TRANSITIONS = 2048
+_LOOPBACK = "127.0.0.1"
+
+
+def run(learners: int = LEARNERS, rounds: int = ROUNDS) -> dict[str, Any]:
+    """Measures every minibatch size.
+
+    Returns:
+        network, learners, rounds, path (of the kernel), transitions, batches (size to updates_per_s alone and
+        shared, their ratio, and the share of the time that went into exchanges), machine.
+    """
+    measured_on = machine()  # its load before the measurement adds its own
+    cores = os.sched_getaffinity(0)
+    with socket.create_server((_LOOPBACK, 0)) as listening:
+        port: int = listening.getsockname()[1]
+        store = open_store(_LOOPBACK, port, listening.detach())
+    spawn = multiprocessing.get_context("spawn")
+    others = [
+        spawn.Process(target=_member, args=(rank, learners, port, rounds), daemon=True)
+        for rank in range(1, learners)
+    ]
+    for other in others:
+        other.start()
+    store.wait([f"ready-{rank}" for rank in range(1, learners)])
+    try:
+        _take_core(0)
+        group = connect(store, _LOOPBACK, 0, _config(learners))
+        measured = {str(batch): _measure(group, batch, rounds) for batch in BATCHES}
+        group.close()
+    finally:
+        os.sched_setaffinity(0, cores)
+        for other in others:
+            other.join(10.0)
+            other.kill()
+    return {
+        "network": str(SPEC),
+        "learners": learners,
+        "rounds": rounds,
+        "path": available_paths()[0],
+        "transitions": TRANSITIONS,
+        "batches": measured,
+        "machine": measured_on,
+    }
+
+
+def _member(rank: int, learners: int, port: int, rounds: int) -> None:
+    """The process of another learner: what rank 0 measures, it does too."""
+    _take_core(rank)
+    store = open_store(_LOOPBACK, port)
+    store.set(
+        f"ready-{rank}", ""
+    )  # torch takes long to load, longer than members wait for each other
+    group = connect(store, _LOOPBACK, rank, _config(learners))
+    for batch in BATCHES:
+        for _ in range(rounds):
+            group.add_up(torch.zeros(1))  # rank 0 has measured itself alone
+            _rate(group, batch)
+    group.close()
+
+
+def _measure(group: DistributedGroup, batch: int, rounds: int) -> dict[str, float]:
+    alone: list[float] = []
+    shared: list[float] = []
+    exchanging: list[float] = []
+    for _ in range(rounds):
+        alone.append(_rate(ALONE, batch))
+        group.add_up(torch.zeros(1))
+        began_s, exchanged_s = perf_counter(), group.exchange_s
+        shared.append(_rate(group, batch))
+        exchanging.append((group.exchange_s - exchanged_s) / (perf_counter() - began_s))
+    ratios = [s / a for s, a in zip(shared, alone, strict=True)]
+    return {
+        "alone_updates_per_s": round(statistics.median(alone), 1),
+        "shared_updates_per_s": round(statistics.median(shared), 1),
+        "ratio": round(statistics.median(ratios), 2),
+        "exchange_share": round(statistics.median(exchanging), 2),
+    }
+
+
+def _rate(group: Group, batch: int) -> float:
+    """Updates per second over all epochs but the first, which also warms up."""
+    rng = np.random.default_rng(0)
+    network = make_network(
+        "binary", SPEC, scale_initial=0.2, generator=torch.Generator().manual_seed(0)
+    )
+    frames = rng.integers(
+        0, 256, (TRANSITIONS, SPEC.channels, *SPEC.observation_shape[1:]), np.uint8
+    )
+    regression = Regression(
+        frames=torch.from_numpy(frames),
+        observations=torch.arange(TRANSITIONS)[:, None],
+        actions=torch.from_numpy(rng.integers(0, SPEC.actions, TRANSITIONS)),
+        y=torch.from_numpy(rng.normal(size=TRANSITIONS).astype(np.float32)),
+    )
+    ends_s: list[float] = []
+    fit(
+        network,
+        make_optimizer(network, 1e-3),
+        regression,
+        PolicyUpdate(epochs=4 if batch > BATCHES[0] else 3, batch=batch),
+        rng,
+        group=group,
+        progress=lambda _done, _total: ends_s.append(perf_counter()),
+    )
+    return (len(ends_s) - 1) * (TRANSITIONS // batch) / (ends_s[-1] - ends_s[0])
+
+
+def _config(learners: int) -> RunConfig:
+    return RunConfig.for_task("tracking", learners=learners)
+
+
+def _take_core(rank: int) -> None:
+    torch.set_num_threads(1)
+    cores = sorted(os.sched_getaffinity(0))
+    os.sched_setaffinity(0, {cores[rank % len(cores)]})
+
+
+def met(_result: dict[str, Any]) -> bool:
+    """There is no target: what it gives depends on cores and network."""
+    return True
+
+
+def show(result: dict[str, Any]) -> None:
+    """Prints the measurement as a table."""
+    load = result["machine"]["load_average"][0]
+    table = Table(
+        "B",
+        title=f"updates per second, {result['network']}, 1 and {result['learners']} learners",
+        caption=f"{result['machine']['cpu']}, {result['path']}, load {load}",
+    )
+    for heading in ("alone", "shared", "ratio", "of it exchanging"):
+        table.add_column(heading, justify="right")
+    for batch, values in result["batches"].items():
+        table.add_row(
+            batch,
+            f"{values['alone_updates_per_s']:.0f}",
+            f"{values['shared_updates_per_s']:.0f}",
+            f"{values['ratio']:.2f}",
+            f"{values['exchange_share']:.0%}",
+        )
+    Console().print(table)
