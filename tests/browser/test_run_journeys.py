@@ -121,7 +121,7 @@ def test_play_an_episode(page: Page, dashboard: Any, finished: str) -> None:
     expect(step).to_have_value("7")
     chosen = player.get_by_role("row", name=re.compile("chosen"))
     stored = dashboard.ask("GET", f"/runs/{finished}/episodes/1/2")
-    name = stored["action_names"][stored["actions"][7]]
+    name = stored["action_names"][stored["actions"][7]].replace("-", "\N{MINUS SIGN}")
     expect(chosen).to_contain_text(name)
     expect(player.get_by_role("definition").filter(has_text=name)).to_be_visible()
     assert "t=7" in page.url  # a link to this very frame

@@ -18,7 +18,15 @@ from bpn_shared.config import RunConfig
 from bpn_shared.run_folder import RunFolder
 
 CONFIG = RunConfig.for_task(
-    "reaching", seed=3, iterations=2, episodes=4, epochs=1, nodes=8, datasets=1, robots=2
+    "reaching",
+    seed=3,
+    iterations=2,
+    episodes=4,
+    epochs=1,
+    nodes=8,
+    datasets=1,
+    robots=2,
+    learners=2,
 )
 FRAME_BYTES = 84 * 84
 
@@ -41,7 +49,7 @@ def running(
 
 
 def train(router: SecureRouter, folder: RunFolder, slots_endpoint: str) -> None:
-    """Runs learner, robots and edges, the latter two at another router, until the run is finished."""
+    """Runs learners, robots and edges, the latter two at another router, until the run is finished."""
     place = ["--run", str(folder.run), "--connect"]
     with contextlib.ExitStack() as stack:
         for slot in range(CONFIG.robots):
@@ -49,6 +57,8 @@ def train(router: SecureRouter, folder: RunFolder, slots_endpoint: str) -> None:
                 there = [*place, slots_endpoint, "--slot", str(slot)]
                 stack.enter_context(running(router, role, *there))
         here = [*place, router.endpoint, "--runs-dir", str(folder.path.parent)]
+        other = [*place, router.endpoint, "--slot", "1"]  # it needs no run folder
+        stack.enter_context(running(router, "learner", *other))
         learner = stack.enter_context(running(router, "learner", *here))
         assert learner.wait(120) == 0
     assert folder.state().state == "finished"

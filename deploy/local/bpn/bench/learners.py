@@ -8,6 +8,8 @@ import multiprocessing
 import os
 import socket
 import statistics
+from collections.abc import Sequence
+from datetime import timedelta
 from time import perf_counter
 from typing import Any
 
@@ -29,10 +31,15 @@ LEARNERS = 2
 BATCHES = (32, 256, 1024)
 ROUNDS = 5
 TRANSITIONS = 2048
+_EPOCHS = 3
 _LOOPBACK = "127.0.0.1"
+_LOAD_S = 180.0
+"""How long loading torch may take on a busy machine, beyond what learners wait for each other."""
 
 
-def run(learners: int = LEARNERS, rounds: int = ROUNDS) -> dict[str, Any]:
+def run(
+    learners: int = LEARNERS, rounds: int = ROUNDS, batches: Sequence[int] = BATCHES
+) -> dict[str, Any]:
     """Measures every minibatch size.
 
     Returns:
@@ -46,16 +53,16 @@ def run(learners: int = LEARNERS, rounds: int = ROUNDS) -> dict[str, Any]:
         store = open_store(_LOOPBACK, port, listening.detach())
     spawn = multiprocessing.get_context("spawn")
     others = [
-        spawn.Process(target=_member, args=(rank, learners, port, rounds), daemon=True)
+        spawn.Process(target=_member, args=(rank, learners, port, rounds, batches), daemon=True)
         for rank in range(1, learners)
     ]
     for other in others:
         other.start()
-    store.wait([f"ready-{rank}" for rank in range(1, learners)])
+    store.wait([f"ready-{rank}" for rank in range(1, learners)], timedelta(seconds=_LOAD_S))
     try:
         _take_core(0)
         group = connect(store, _LOOPBACK, 0, _config(learners))
-        measured = {str(batch): _measure(group, batch, rounds) for batch in BATCHES}
+        measured = {str(batch): _measure(group, batch, rounds) for batch in batches}
         group.close()
     finally:
         os.sched_setaffinity(0, cores)
@@ -73,15 +80,13 @@ def run(learners: int = LEARNERS, rounds: int = ROUNDS) -> dict[str, Any]:
     }
 
 
-def _member(rank: int, learners: int, port: int, rounds: int) -> None:
+def _member(rank: int, learners: int, port: int, rounds: int, batches: Sequence[int]) -> None:
     """The process of another learner: what rank 0 measures, it does too."""
     _take_core(rank)
     store = open_store(_LOOPBACK, port)
-    store.set(
-        f"ready-{rank}", ""
-    )  # torch takes long to load, longer than members wait for each other
+    store.set(f"ready-{rank}", "")
     group = connect(store, _LOOPBACK, rank, _config(learners))
-    for batch in BATCHES:
+    for batch in batches:
         for _ in range(rounds):
             group.add_up(torch.zeros(1))  # rank 0 has measured itself alone
             _rate(group, batch)
@@ -127,7 +132,7 @@ def _rate(group: Group, batch: int) -> float:
         network,
         make_optimizer(network, 1e-3),
         regression,
-        PolicyUpdate(epochs=4 if batch > BATCHES[0] else 3, batch=batch),
+        PolicyUpdate(epochs=_EPOCHS, batch=batch),
         rng,
         group=group,
         progress=lambda _done, _total: ends_s.append(perf_counter()),

@@ -11,7 +11,7 @@ import time
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
-from uuid import UUID, uuid4
+from uuid import uuid4
 
 import httpx
 import numpy as np
@@ -25,7 +25,7 @@ from bpn_dashboard.series import store
 from bpn_dashboard.series.ingest import Ingest
 from bpn_dashboard.series.points import Points
 from bpn_shared.config import RunConfig
-from bpn_shared.run_folder import RunFolder
+from bpn_shared.run_folder import RunState
 from bpn_shared.service import Counters
 
 METRIC = "return_px"
@@ -88,13 +88,18 @@ def measure_series(
 
 
 def make_lists(runs_dir: Path, sizes: Sizes) -> None:
-    """Finished runs, each with an iteration done."""
+    """Finished runs of one iteration. Written plainly: `RunFolder` waits for the disk at every file."""
     rng = np.random.default_rng(0)
     for index, value in enumerate(rng.normal(-100, 20, sizes.listed).tolist()):
         config = RunConfig.for_task(TASK, seed=index, alpha=(index % 100) / 100)
-        folder = RunFolder.create(runs_dir, UUID(int=uuid4().int), config)
-        folder.append_metrics({"iteration": 0, METRIC: value, "length": 20.0, "weights_version": 1})
-        folder.set_state("finished")
+        now_s = time.time()
+        state = RunState(state="finished", created_unix_s=now_s, updated_unix_s=now_s)
+        record = {"iteration": 0, METRIC: value, "length": 20.0, "weights_version": 1}
+        folder = runs_dir / str(uuid4())
+        folder.mkdir()
+        (folder / "config.json").write_text(config.model_dump_json())
+        (folder / "metrics.jsonl").write_text(json.dumps(record) + "\n")
+        (folder / "state.json").write_text(state.model_dump_json())
 
 
 def measure_lists(served: Served, sizes: Sizes) -> tuple[list[dict[str, Any]], dict[str, Any]]:

@@ -16,7 +16,7 @@ from bpn.supervisor import Service, Supervisor
 from bpn_dashboard.hub.websocket import PATH
 from bpn_dashboard.service import ADDRESS_FILE
 
-_START_S = 120.0
+_START_S = 300.0
 _REQUEST_S = 60.0
 
 

@@ -26,7 +26,9 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     listing.add_argument("--search", default="", help="part of name, notes, tags or id")
     listing.add_argument("--state", default="", help="states, separated by commas")
     listing.add_argument("--archived", action="store_true", help="those in the archive")
-    listing.add_argument("--sort", default="-created_at", help="a key; - before it: descending")
+    listing.add_argument(
+        "--sort", default="-created_at", help="a key; descending with a minus: --sort=-return_best"
+    )
     listing.add_argument("--limit", type=int, default=50, help="at most so many (default 50)")
 
     _with_run(_action(actions, "show", _show, "what is known of a run"))
