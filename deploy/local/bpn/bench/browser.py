@@ -44,7 +44,11 @@ _SCRIPT = """
     requestAnimationFrame(() => { const port = new MessageChannel();
       port.port1.onmessage = () => done(performance.now()); port.port2.postMessage(0); }));
   const until = async (condition) => {
-    while (!condition()) await new Promise(requestAnimationFrame);
+    const begin = performance.now();
+    while (!condition()) {
+      if (performance.now() - begin > DEADLINE_MS) throw new Error(`waited in vain for ${condition}`);
+      await new Promise(requestAnimationFrame);
+    }
     return drawn();
   };
   const answered = (path) => performance.getEntriesByType('resource')
@@ -70,7 +74,7 @@ _SCRIPT = """
   const rows = () => [...document.querySelectorAll('[role="region"] tbody tr[aria-rowindex]')];
   window.__bench = { until, changed, framesPerSecond, chart, table, rows };
 })();
-"""
+""".replace("DEADLINE_MS", str(_DEADLINE_MS))
 
 
 def measure_compare(served: Served, sizes: Sizes) -> tuple[list[dict[str, Any]], dict[str, Any]]:
