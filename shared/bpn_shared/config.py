@@ -197,15 +197,6 @@ class RunConfig(BaseModel):
             )
         return self
 
-    @model_validator(mode="after")
-    def _relative_targets_bootstrap(self) -> Self:
-        if self.relative_targets and self.mask_terminals:
-            raise ValueError(
-                "relative_targets = True with mask_terminals = True: a terminal's value of 0 has no "
-                "meaning among values relative to their mean; switch one of them off"
-            )
-        return self
-
     @property
     def algorithm_spec(self) -> Algorithm:
         return ALGORITHMS[self.algorithm]

@@ -42,6 +42,7 @@ def cvi_target(
     beta: float,
     gamma: float,
     done: Tensor | None = None,
+    terminal: float = 0.0,
 ) -> Tensor:
     """Target y = r + gamma (m_beta P-)(s') + alpha (P-(s,a) - (m_beta P-)(s)), section IV-C.
 
@@ -50,23 +51,29 @@ def cvi_target(
         P_s: P-(s, .) [B, |A|].
         action: a, int64 [B].
         P_next: P-(s', .) [B, |A|].
-        done: s' is terminal, [B], bool or 0/1; its value is then 0. None: Algorithm 1 as printed, which
-            bootstraps from every s'.
+        done: s' is terminal, [B], bool or 0/1; its value is then `terminal`. None: Algorithm 1 as printed,
+            which bootstraps from every s'.
+        terminal: what no further reward is worth; 0 unless preferences are relative.
 
     Returns:
         y [B].
     """
     taken = P_s.gather(-1, action.unsqueeze(-1)).squeeze(-1)
     gap = alpha * (taken - mellowmax(P_s, beta))  # G(s,a), the gap increasing operator
-    return reward + gamma * _unless(done, mellowmax(P_next, beta)) + gap
+    return reward + gamma * _unless(done, mellowmax(P_next, beta), terminal) + gap
 
 
 def dqn_target(
-    reward: Tensor, P_next: Tensor, *, gamma: float, done: Tensor | None = None
+    reward: Tensor,
+    P_next: Tensor,
+    *,
+    gamma: float,
+    done: Tensor | None = None,
+    terminal: float = 0.0,
 ) -> Tensor:
     """Target y = r + gamma max_a P-(s',a) of the paper's BQN. Shapes as in `cvi_target`."""
-    return reward + gamma * _unless(done, P_next.amax(dim=-1))
+    return reward + gamma * _unless(done, P_next.amax(dim=-1), terminal)
 
 
-def _unless(done: Tensor | None, value: Tensor) -> Tensor:
-    return value if done is None else value * (1 - done.to(value.dtype))
+def _unless(done: Tensor | None, value: Tensor, terminal: float) -> Tensor:
+    return value if done is None else value.masked_fill(done.bool(), terminal)

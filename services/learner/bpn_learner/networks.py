@@ -26,11 +26,17 @@ class PNetwork(nn.Module):
     """Action preferences P(s, .): pixels float32[B, C, 84, 84] of 0..255 to float32[B, |A|].
 
     In training the pixels may be one member's part of a minibatch that a group shares.
+
+    Attributes:
+        offset: float64[], what all preferences lack alike, see `update.targets`; no policy depends on it.
     """
+
+    offset: Tensor
 
     def __init__(self, spec: NetworkSpec) -> None:
         super().__init__()
         self.spec = spec
+        self.register_buffer("offset", torch.zeros((), dtype=torch.float64))
 
     def clip_latent_weights(self) -> None:
         """What every optimizer step is followed by; nothing where no weight is binarized."""

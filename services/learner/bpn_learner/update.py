@@ -168,13 +168,14 @@ def policy_update(
     transitions = transitions.to(device)
     minibatches = minibatches_per_epoch(len(transitions), settings.batch)
     P_target, P_next = target_preferences(network, transitions)
-    y = targets(transitions, P_target, P_next, settings)
+    y, offset = targets(transitions, P_target, P_next, settings, float(network.offset))
     regression = Regression(transitions.frames, transitions.observations, transitions.actions, y)
     with gather(regression) as group:
         losses = fit(
             network, optimizer, regression, settings, rng, group=group, progress=progress, stop=stop
         )
     network.eval()
+    network.offset.fill_(offset)
 
     if isinstance(network, BinaryNetwork):
         observations = gathered(transitions.frames, transitions.observations)
@@ -283,25 +284,40 @@ def preferences(network: PNetwork, observations: Tensor) -> Tensor:
 
 
 def targets(
-    transitions: Transitions, P_target: Tensor, P_next: Tensor, settings: PolicyUpdate
-) -> Tensor:
-    """Target y of every transition in D from P-(s, .) and P-(s', .), float32[n].
+    transitions: Transitions,
+    P_target: Tensor,
+    P_next: Tensor,
+    settings: PolicyUpdate,
+    offset: float = 0.0,
+) -> tuple[Tensor, float]:
+    """Target y of every transition in D from P-(s, .) and P-(s', .), and what the next P leaves out.
 
-    `relative_targets` subtracts their mean, as relative value iteration does (White, 1963): with c added to
-    all of P-, CVI's y and DQN's only grow by gamma c, so no policy changes. What changes is that the values'
-    common offset, which a reward of one sign lets grow by about E[r] every iteration, need not be expressed by
-    a network that has no bias and +-N steps of lambda for offset and differences together.
+    With `relative_targets` the network learns y less its mean over D, as in relative value iteration (White,
+    1963), and the mean becomes the offset c that all its preferences lack. Added to all of P-, c only adds gamma c
+    to CVI's y and DQN's, so no policy changes. What changes is that the values' common offset, which a reward of
+    one sign lets grow by about E[r] every iteration, need not be expressed by a network that has no bias and
+    +-N steps of lambda for offset and differences together. Beside relative values a terminal's 0 is -c.
+
+    Args:
+        offset: c of P-.
+
+    Returns:
+        y: float32[n].
+        offset: c of the network that learns y; 0 without `relative_targets`.
     """
     done = transitions.done if settings.mask_terminals else None
-    reward = transitions.rewards
+    reward, gamma = transitions.rewards, settings.gamma
     if settings.target == "dqn":
-        y = dqn_target(reward, P_next, gamma=settings.gamma, done=done)
+        y = dqn_target(reward, P_next, gamma=gamma, done=done, terminal=-offset)
     else:
         y = cvi_target(
             reward, P_target, transitions.actions, P_next,
-            alpha=settings.alpha, beta=settings.beta, gamma=settings.gamma, done=done,
+            alpha=settings.alpha, beta=settings.beta, gamma=gamma, done=done, terminal=-offset,
         )  # fmt: skip
-    return y - y.mean() if settings.relative_targets else y
+    if not settings.relative_targets:
+        return y, 0.0
+    mean = y.mean()
+    return y - mean, gamma * offset + float(mean)
 
 
 def _finite(loss: float, network: PNetwork) -> float:

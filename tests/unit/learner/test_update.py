@@ -112,7 +112,7 @@ def test_targets_are_cvis_of_the_folded_network(mask: bool) -> None:
             for f in data.frames
         ]
     ).float()
-    y = targets(data, *target_preferences(network, data), settings)
+    y, _ = targets(data, *target_preferences(network, data), settings)
     expected = cvi_target(
         data.rewards, P[:-1], data.actions, P[1:], alpha=0.9, beta=2.0, gamma=0.8,
         done=data.done if mask else None,
@@ -122,26 +122,43 @@ def test_targets_are_cvis_of_the_folded_network(mask: bool) -> None:
 
 @given(
     st.sampled_from(["cvi", "dqn"]),
+    st.booleans(),
     st.floats(-1e3, 1e3),
     st.floats(0, 1),
     st.floats(0.1, 10),
     st.integers(0, 100),
 )
-def test_relative_targets_leave_every_policy_as_it_is(
-    target: Literal["cvi", "dqn"], offset: float, alpha: float, beta: float, seed: int
+def test_relative_targets_are_the_absolute_ones_less_their_mean(
+    target: Literal["cvi", "dqn"],
+    mask: bool,
+    offset: float,
+    alpha: float,
+    beta: float,
+    seed: int,
 ) -> None:
-    D = transitions()
+    """Also when they are computed from relative preferences, so that neither ever sees another policy."""
+    D = Transitions.from_episodes([episode(i, failed=i == 1) for i in range(3)], frames_stacked=1)
     generator = torch.Generator().manual_seed(seed)
     P, P_next = torch.randn(2, len(D), 3, generator=generator, dtype=torch.float64)
-    as_printed = PolicyUpdate(target=target, alpha=alpha, beta=beta)
-    relative = replace(as_printed, relative_targets=True)
-    y = targets(D, P, P_next, as_printed)
-    shifted = targets(D, P + offset, P_next + offset, as_printed)
-    # an offset of all preferences comes back as an offset of all targets ...
-    assert torch.allclose(shifted, y + as_printed.gamma * offset, rtol=0, atol=1e-9)
-    # ... which relative targets are without, so they are the same for both
-    y_relative = targets(D, P + offset, P_next + offset, relative)
-    assert torch.allclose(y_relative, y - y.mean(), rtol=0, atol=1e-9)
+    absolute = PolicyUpdate(target=target, alpha=alpha, beta=beta, mask_terminals=mask)
+    y, none = targets(D, P + offset, P_next + offset, absolute)
+    assert none == 0
+    relative = replace(absolute, relative_targets=True)
+    y_relative, next_offset = targets(D, P, P_next, relative, offset)
+    assert torch.allclose(y_relative + next_offset, y, rtol=0, atol=1e-8)
+    assert abs(float(y_relative.mean())) < 1e-8
+
+
+@pytest.mark.parametrize("relative", [False, True])
+def test_an_update_leaves_the_mean_of_its_targets_to_the_offset(relative: bool) -> None:
+    network = binary_network()
+    settings = PolicyUpdate(epochs=1, relative_targets=relative, mask_terminals=True)
+    for _ in range(2):
+        P = target_preferences(network, transitions())
+        _, expected = targets(transitions(), *P, settings, float(network.offset))
+        update(network, settings)
+        assert float(network.offset) == expected
+    assert (expected != 0) == relative
 
 
 def test_an_update_equals_algorithm_1_written_plainly() -> None:

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bpn.reproduce.manifest import Manifest, config_hash, locked
+from bpn.reproduce.manifest import Manifest, config_hash, digest, locked
 from bpn_shared.config import ConfigError, RunConfig
 
 CONFIGS = st.builds(
@@ -31,6 +31,13 @@ def test_a_value_given_or_left_at_its_default_is_the_same_run() -> None:
     assert config_hash(RunConfig(task="tracking")) == config_hash(
         RunConfig(task="tracking", gamma=0.99, pacing="lockstep")
     )
+
+
+@pytest.mark.parametrize("task", ["reaching", "tracking", "pan_tilt", "gym:CartPole-v1"])
+def test_what_follows_from_the_task_is_no_part_of_a_name(task: str) -> None:
+    """Or a field that a later version adds, and fills in from the task, would make every run anew."""
+    bare = RunConfig(task=task, actions=RunConfig.for_task(task).actions)
+    assert config_hash(bare) == digest({"task": task, "actions": bare.actions})
 
 
 def test_a_run_is_found_again_by_its_configuration(tmp_path: Path) -> None:

@@ -160,8 +160,3 @@ def test_the_rate_falls_linearly_over_the_run(iterations: int, last: float) -> N
     assert shares == sorted(shares, reverse=True)
     if iterations > 1:
         assert shares[-1] == pytest.approx(last)
-
-
-def test_relative_targets_and_masked_terminals_exclude_each_other() -> None:
-    with pytest.raises(ConfigError, match="relative_targets = True with mask_terminals = True"):
-        RunConfig.for_task("tracking", relative_targets=True, mask_terminals=True)

@@ -14,8 +14,10 @@ from bpn_shared.run_folder import RunFolder, write_atomically
 
 
 def config_hash(config: RunConfig) -> str:
-    """Names a configuration; fields at their defaults do not count, so that a new field changes no name."""
-    return digest(config.model_dump(exclude_defaults=True) | {"task": config.task})
+    """Names a configuration by what it changes of its task's bare one, so that a new field changes no name."""
+    bare = dict(RunConfig(task=config.task, actions=config.actions))
+    changes = {name: value for name, value in config if value != bare[name]}
+    return digest(changes | {"task": config.task, "actions": config.actions})
 
 
 def digest(values: dict[str, Any]) -> str:
