@@ -143,6 +143,18 @@ def test_more_robots_are_a_matter_of_scale(project: Project, undisturbed: object
         assert weights_sha256(project, run) == undisturbed
 
 
+def test_two_learners_share_a_run_and_one_may_die(project: Project, wait_for: WaitFor) -> None:
+    project.up("--scale", "learner=2")
+    shared = SMALL | {"learners": 2, "epochs": 5}
+    first = project.start_run(**shared)
+    project.wait_finished(first, RUN_TIMEOUT_S)
+    run = project.start_run(**shared)
+    wait_for(lambda: project.api("GET", f"/runs/{run}")["iteration"] >= 1, "an iteration", 120.0)
+    kill_main(project.containers("learner")[0])
+    project.wait_finished(run, RUN_TIMEOUT_S)
+    assert weights_sha256(project, run) == weights_sha256(project, first)
+
+
 def test_everything_stops_in_time_and_nothing_is_left(project: Project) -> None:
     containers = {s: project.containers(s) for s in SERVICES}
     start_s = time.monotonic()

@@ -10,8 +10,8 @@ import socket
 import statistics
 from collections.abc import Sequence
 from datetime import timedelta
-from time import perf_counter
-from typing import Any
+from time import perf_counter, process_time
+from typing import Any, NamedTuple
 
 import numpy as np
 import torch
@@ -43,8 +43,9 @@ def run(
     """Measures every minibatch size.
 
     Returns:
-        network, learners, rounds, path (of the kernel), transitions, batches (size to updates_per_s alone and
-        shared, their ratio, and the share of the time that went into exchanges), machine.
+        network, learners, rounds, path (of the kernel), transitions, batches (size to updates per second alone
+        and shared, their ratio, and the milliseconds of processor time that one learner then spends on an
+        update, which do not depend on what else the machine does), machine.
     """
     measured_on = machine()  # its load before the measurement adds its own
     cores = os.sched_getaffinity(0)
@@ -89,31 +90,36 @@ def _member(rank: int, learners: int, port: int, rounds: int, batches: Sequence[
     for batch in batches:
         for _ in range(rounds):
             group.add_up(torch.zeros(1))  # rank 0 has measured itself alone
-            _rate(group, batch)
+            _measured(group, batch)
     group.close()
 
 
 def _measure(group: DistributedGroup, batch: int, rounds: int) -> dict[str, float]:
-    alone: list[float] = []
-    shared: list[float] = []
-    exchanging: list[float] = []
+    alone: list[_Measured] = []
+    shared: list[_Measured] = []
     for _ in range(rounds):
-        alone.append(_rate(ALONE, batch))
+        alone.append(_measured(ALONE, batch))
         group.add_up(torch.zeros(1))
-        began_s, exchanged_s = perf_counter(), group.exchange_s
-        shared.append(_rate(group, batch))
-        exchanging.append((group.exchange_s - exchanged_s) / (perf_counter() - began_s))
-    ratios = [s / a for s, a in zip(shared, alone, strict=True)]
+        shared.append(_measured(group, batch))
+    ratios = [a.update_s / s.update_s for s, a in zip(shared, alone, strict=True)]
     return {
-        "alone_updates_per_s": round(statistics.median(alone), 1),
-        "shared_updates_per_s": round(statistics.median(shared), 1),
+        "alone_updates_per_s": round(1 / statistics.median(m.update_s for m in alone), 1),
+        "shared_updates_per_s": round(1 / statistics.median(m.update_s for m in shared), 1),
         "ratio": round(statistics.median(ratios), 2),
-        "exchange_share": round(statistics.median(exchanging), 2),
+        "alone_cpu_ms": round(1e3 * statistics.median(m.cpu_s for m in alone), 2),
+        "shared_cpu_ms": round(1e3 * statistics.median(m.cpu_s for m in shared), 2),
     }
 
 
-def _rate(group: Group, batch: int) -> float:
-    """Updates per second over all epochs but the first, which also warms up."""
+class _Measured(NamedTuple):
+    """Seconds an update, by the clock and of this learner's processor time."""
+
+    update_s: float
+    cpu_s: float
+
+
+def _measured(group: Group, batch: int) -> _Measured:
+    """Over all epochs but the first, which also warms up."""
     rng = np.random.default_rng(0)
     network = make_network(
         "binary", SPEC, scale_initial=0.2, generator=torch.Generator().manual_seed(0)
@@ -127,7 +133,7 @@ def _rate(group: Group, batch: int) -> float:
         actions=torch.from_numpy(rng.integers(0, SPEC.actions, TRANSITIONS)),
         y=torch.from_numpy(rng.normal(size=TRANSITIONS).astype(np.float32)),
     )
-    ends_s: list[float] = []
+    ends: list[_Measured] = []
     fit(
         network,
         make_optimizer(network, 1e-3),
@@ -135,9 +141,11 @@ def _rate(group: Group, batch: int) -> float:
         PolicyUpdate(epochs=_EPOCHS, batch=batch),
         rng,
         group=group,
-        progress=lambda _done, _total: ends_s.append(perf_counter()),
+        progress=lambda _done, _total: ends.append(_Measured(perf_counter(), process_time())),
     )
-    return (len(ends_s) - 1) * (TRANSITIONS // batch) / (ends_s[-1] - ends_s[0])
+    updates = (len(ends) - 1) * (TRANSITIONS // batch)
+    clock_s, cpu_s = (end - begin for begin, end in zip(ends[0], ends[-1], strict=True))
+    return _Measured(clock_s / updates, cpu_s / updates)
 
 
 def _config(learners: int) -> RunConfig:
@@ -163,7 +171,7 @@ def show(result: dict[str, Any]) -> None:
         title=f"updates per second, {result['network']}, 1 and {result['learners']} learners",
         caption=f"{result['machine']['cpu']}, {result['path']}, load {load}",
     )
-    for heading in ("alone", "shared", "ratio", "of it exchanging"):
+    for heading in ("alone", "shared", "ratio", "CPU alone", "CPU shared"):
         table.add_column(heading, justify="right")
     for batch, values in result["batches"].items():
         table.add_row(
@@ -171,6 +179,7 @@ def show(result: dict[str, Any]) -> None:
             f"{values['alone_updates_per_s']:.0f}",
             f"{values['shared_updates_per_s']:.0f}",
             f"{values['ratio']:.2f}",
-            f"{values['exchange_share']:.0%}",
+            f"{values['alone_cpu_ms']:.1f} ms",
+            f"{values['shared_cpu_ms']:.1f} ms",
         )
     Console().print(table)
