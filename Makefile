@@ -12,7 +12,7 @@ SOURCES := $(PACKAGES:%=%/bpn*)
 .PHONY: help up test test-browser test-containers test-chaos test-fresh-machine screenshots lint format bench reproduce reproduce-quick doctor clean
 
 help:            ## this list
-	@grep -hE '^[a-z-]+: .*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 17
+	@grep -hE '^[a-z-]+: .*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 20
 
 up: $(INSTALLED) ## start the dashboard and workers, with a first run
 	$(BIN)/bpn up
