@@ -9,10 +9,10 @@ PACKAGES := shared services/edge services/learner services/robot_sim services/da
 SOURCES := $(PACKAGES:%=%/bpn*)
 
 .DEFAULT_GOAL := help
-.PHONY: help up test test-browser test-containers test-chaos screenshots lint format bench reproduce reproduce-quick doctor clean
+.PHONY: help up test test-browser test-containers test-chaos test-fresh-machine screenshots lint format bench reproduce reproduce-quick doctor clean
 
 help:            ## this list
-	@grep -hE '^[a-z-]+: .*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 17
+	@grep -hE '^[a-z-]+: .*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 20
 
 up: $(INSTALLED) ## start the dashboard and workers, with a first run
 	$(BIN)/bpn up
@@ -34,6 +34,9 @@ test-containers: $(INSTALLED) ## build the images, run the whole loop in contain
 
 test-chaos: $(INSTALLED) ## every fault that containers may have in the middle of a run (about an hour)
 	BPN_CONTAINERS=1 BPN_CHAOS=1 $(BIN)/pytest -s tests/containers/test_chaos.py tests/containers/test_full_disk.py
+
+test-fresh-machine: ## the README's two commands in a bare container, as root and as a normal user (hours; any Docker Engine)
+	deploy/fresh-machine.sh
 
 lint: $(INSTALLED) ## ruff, mypy --strict, import-linter; prettier, svelte-check and vitest for the web UI
 	$(BIN)/ruff check .

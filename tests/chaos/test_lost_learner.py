@@ -4,6 +4,7 @@ import contextlib
 import os
 import signal
 import threading
+import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -36,6 +37,8 @@ class Training:
     endpoint: str = field(default_factory=private_endpoint)
     supervisors: list[Supervisor] = field(default_factory=list)
     epochs: dict[int, float] = field(default_factory=dict)
+    begun_again_s: float | None = None
+    """When an update has done its first epoch for the second time."""
 
     def run(self) -> None:
         execute(
@@ -49,6 +52,8 @@ class Training:
     def note(self, batch: MetricsBatch) -> None:
         for point in batch.points:
             if point.name == "progress.epochs":
+                if point.value < self.epochs.get(point.step, 0):
+                    self.begun_again_s = time.monotonic()
                 self.epochs[point.step] = point.value
 
     def pid(self, name: str) -> int | None:
@@ -92,7 +97,11 @@ def test_a_learner_may_die_in_the_middle_of_a_shared_update(
         pid = run.pid(victim)
         assert pid is not None
         os.kill(pid, signal.SIGKILL)
+        killed_s = time.monotonic()
         assert not run.folder.weights_path(2).exists(), "not the middle of the update"
+        wait_for(lambda: run.begun_again_s, "the update to be done again", LONG_S)
+        assert run.begun_again_s is not None
+        print(f"RECOVERY kill -9 {victim}: {run.begun_again_s - killed_s:.1f} s")
     survivor, says = {
         "learner-1": ("learner", "the update begins again"),
         "learner": ("learner-1", "gives up the update"),
