@@ -262,7 +262,8 @@ def test_the_table_grants_no_role_another_ones_part(role: str, message: str, key
 
 def test_every_key_of_the_system_is_in_the_table() -> None:
     for name, function in vars(keys).items():
-        if getattr(function, "__module__", "") == keys.__name__:
+        of_keys = getattr(function, "__module__", "") == keys.__name__
+        if of_keys and function.__annotations__["return"] is str:  # what makes a key
             parameters = function.__annotations__.keys() - {"return"}
             key = zenoh.KeyExpr(function(**dict.fromkeys(parameters, keys.ANY)))
             assert any(key.includes(c.key) for c in CHANNELS if c.givers), name
