@@ -1,0 +1,57 @@
+"""The live view as browsers get it: a real server, real WebSockets, real Zenoh."""
+
+import contextlib
+import threading
+from collections.abc import AsyncIterator, Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+import uvicorn
+from fastapi import FastAPI
+from live_view import OpenBus, Server, Tab, WaitFor
+
+from bpn_dashboard.access.guard import Guard
+from bpn_dashboard.hub.hub import Hub
+from bpn_dashboard.hub.topology import Topology
+from bpn_dashboard.hub.websocket import UVICORN_OPTIONS, live_route
+
+
+@pytest.fixture
+def server(open_bus: OpenBus, tmp_path: Path, wait_for: WaitFor) -> Iterator[Server]:
+    bus, made = open_bus(), Server(tmp_path)
+
+    @contextlib.asynccontextmanager
+    async def lifespan(_app: FastAPI) -> AsyncIterator[None]:
+        made.hub = Hub(bus, tmp_path, made.counters, "dashboard-1", Topology())
+        yield
+        made.hub.close()
+
+    app = FastAPI(lifespan=lifespan)
+    app.include_router(
+        live_route(lambda: made.view, lambda _connection: made.allowed, session_period_s=0.05)
+    )
+    running = uvicorn.Server(
+        uvicorn.Config(Guard(app), port=0, log_level="error", **UVICORN_OPTIONS)
+    )
+    thread = threading.Thread(target=running.run)
+    thread.start()
+    wait_for(lambda: running.started, "the server to start")
+    made.port = running.servers[0].sockets[0].getsockname()[1]
+    yield made
+    running.should_exit = True
+    thread.join(20)
+    assert not thread.is_alive()
+
+
+@pytest.fixture
+def tab(server: Server) -> Iterator[Callable[..., Tab]]:
+    opened: list[Tab] = []
+
+    def open_tab(**options: Any) -> Tab:
+        opened.append(Tab(server, **options))
+        return opened[-1]
+
+    yield open_tab
+    for each in opened:
+        each.close()
