@@ -56,6 +56,9 @@ class World(RuleBasedStateMachine):
         self.demands.remove(data.draw(st.sampled_from(self.demands)))
         self.book.demand(self.demands)
 
+    def has(self, places: list[Place]) -> bool:
+        return all(self.book.holder(place) is not None for place in places)
+
     def ask(self, name: str) -> None:
         worker = self.workers[name]
         worker.place = self.book.ask(worker.role, name, worker.label, self.now_s)
@@ -64,9 +67,9 @@ class World(RuleBasedStateMachine):
         place = worker.place
         assert place.role == worker.role
         demands = {demand.run: demand for demand in self.demands}
-        assert place.slot < demands[place.run].places(place.role)
+        assert place in demands[place.run].places(place.role)
         assert not [w for w in self.workers.values() if w.token and w.place == place]
-        assert place.role == "learner" or self.book.holder(place.learner) is not None
+        assert place.role == "learner" or self.has(demands[place.run].places("learner"))
 
     @rule(data=st.data())
     def an_idle_worker_asks(self, data: st.DataObject) -> None:
@@ -156,27 +159,18 @@ class World(RuleBasedStateMachine):
         idle = [worker for worker in self.workers.values() if worker.place is None]
         learners = sum(worker.role == "learner" for worker in self.workers.values())
         for demand in self.demands:
-            held = [
-                self.book.holder(Place(demand.run, "learner", i)) for i in range(demand.learners)
-            ]
-            if not all(held) and demand.learners <= learners:
+            has_learners = self.has(demand.places("learner"))
+            if demand.learners <= learners and not has_learners:
                 assert not [worker for worker in idle if worker.role == "learner"]
-            if held[0] is None:
-                continue
-            for slot in range(demand.slots):
-                for role in ("robot_sim", "edge"):
-                    if self.book.holder(Place(demand.run, role, slot)) is None:
-                        assert not [worker for worker in idle if worker.role == role]
+            for role in ("robot_sim", "edge"):
+                if has_learners and not self.has(demand.places(role)):
+                    assert not [worker for worker in idle if worker.role == role]
         if self.demands and {worker.role for worker in self.workers.values()} == set(ROLES):
             possible = [demand for demand in self.demands if demand.learners <= learners]
             assert not possible or any(
-                all(self.book.holder(Place(demand.run, role, slot)) for role in ROLES[1:])
-                and all(
-                    self.book.holder(Place(demand.run, "learner", i))
-                    for i in range(demand.learners)
-                )
+                self.has([robot, robot.partner, *demand.places("learner")])
                 for demand in possible
-                for slot in range(demand.slots)
+                for robot in demand.places("robot_sim")
             ), "some run could go on, and none does"
 
 
@@ -286,6 +280,20 @@ def test_learners_of_incomplete_groups_make_up_one_in_the_older_run() -> None:
     book.vanished(Place(B, "learner", 0), "l2", 1012.0)
     assert filled(book, "learner", "l2", now_s=1012.0) == Place(A, "learner", 1)
     assert book.to_release(1100.0) == []
+
+
+def test_robots_serve_the_run_whose_learners_are_complete_not_the_older_one_that_waits() -> None:
+    book = LeaseBook()
+    book.demand([Demand(A, 1, 2), Demand(B, 1)])
+    assert filled(book, "learner", "l0") == Place(B, "learner", 0)  # too few for the older run
+    assert filled(book, "learner", "l1") == Place(A, "learner", 0)
+    assert filled(book, "edge", "e") == Place(B, "edge", 0)
+    assert filled(book, "robot_sim", "r") == Place(B, "robot_sim", 0)
+    book.demand([Demand(A, 1, 2)])
+    for place, worker in book.to_release(0.0):
+        book.vanished(place, worker, 0.0)
+    assert filled(book, "learner", "l0") == Place(A, "learner", 1)
+    assert filled(book, "robot_sim", "r") == Place(A, "robot_sim", 0)
 
 
 def test_a_run_that_wants_more_learners_than_there_are_keeps_nobody_waiting() -> None:

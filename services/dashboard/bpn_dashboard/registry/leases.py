@@ -45,9 +45,10 @@ class Demand(NamedTuple):
     slots: int
     learners: int = 1
 
-    def places(self, role: Role) -> int:
-        """How many workers of a role it wants."""
-        return self.learners if role == "learner" else self.slots
+    def places(self, role: Role) -> list[Place]:
+        """The places of a role that it wants filled."""
+        count = self.learners if role == "learner" else self.slots
+        return [Place(self.run, role, slot) for slot in range(count)]
 
 
 @dataclass
@@ -170,18 +171,17 @@ class LeaseBook:
     def _vacant(self, role: Role) -> Iterator[Place]:
         """The wanted places of a role that nobody has, in runs that can use it now.
 
-        Slots are of no use without a learner, and a learner is of none where there are not as many as
-        the run wants to share its updates.
+        Slots are of no use before all learners are there, and a learner is of none where there are not as
+        many as the run wants to share its updates.
         """
         learners = self._learners()
-        for run, demand in self._demands.items():
+        for demand in self._demands.values():
             if (
                 demand.learners <= learners
                 if role == "learner"
-                else Place(run, "learner", 0) in self._leases
+                else all(place in self._leases for place in demand.places("learner"))
             ):
-                places = (Place(run, role, slot) for slot in range(demand.places(role)))
-                yield from (place for place in places if place not in self._leases)
+                yield from (place for place in demand.places(role) if place not in self._leases)
 
     def _learners(self) -> int:
         """How many learners there are, at work or idle."""
@@ -234,20 +234,24 @@ class LeaseBook:
 
     def _is_wanted(self, place: Place) -> bool:
         demand = self._demands.get(place.run)
-        return demand is not None and place.slot < demand.places(place.role)
+        return demand is not None and place in demand.places(place.role)
 
     def _is_in_vain(self, place: Place, now_s: float) -> bool:
         """Whether a worker waits here for others while elsewhere others wait for it.
 
         With few workers one run could keep the robot and another the edge, or each have some of its
-        learners, and neither go on.
+        learners, or one the robots and another the learners, and neither go on.
         """
         if not self._is_wanted(place):
             return False
-        if place.role == "learner":
-            return self._waits_in_vain(place, now_s)
         lease = self._leases[place]
-        if self._missing_s(place.learner, lease, now_s) > PATIENCE_S:
+        lacks_learners = any(
+            self._missing_s(learner, lease, now_s) > PATIENCE_S
+            for learner in self._demands[place.run].places("learner")
+        )
+        if place.role == "learner":
+            return lacks_learners and self._is_of_more_use_elsewhere(place)
+        if lacks_learners:
             return any(True for _ in self._vacant(place.role))
         if self._missing_s(place.partner, lease, now_s) <= PATIENCE_S:
             return False
@@ -258,15 +262,11 @@ class LeaseBook:
             for vacancy in self._vacant(place.role)
         )
 
-    def _waits_in_vain(self, place: Place, now_s: float) -> bool:
-        """Whether a learner has long lacked others, and is of more use in an older run, or in any other if
-        there are not enough learners for its own.
+    def _is_of_more_use_elsewhere(self, place: Place) -> bool:
+        """Whether a learner that lacks others is wanted in an older run, or in any other if there are not
+        enough learners for its own.
         """
-        lease, demand = self._leases[place], self._demands[place.run]
-        places = (place._replace(slot=slot) for slot in range(demand.learners))
-        if all(self._missing_s(other, lease, now_s) <= PATIENCE_S for other in places):
-            return False
-        too_few = self._learners() < demand.learners
+        too_few = self._learners() < self._demands[place.run].learners
         return any(
             too_few or self._ranks[vacancy.run] < self._ranks[place.run]
             for vacancy in self._vacant("learner")
