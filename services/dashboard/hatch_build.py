@@ -25,6 +25,7 @@ STATIC = HERE / "bpn_dashboard" / "static"
 STAMP = STATIC / ".sources"
 NOT_SOURCES = {"node_modules", "generated"}
 NODE_MINIMUM = (20, 19)
+SYSTEM_AUTHORITIES = Path("/etc/ssl/certs/ca-certificates.crt")
 
 
 class WebBuildHook(BuildHookInterface[Any]):
@@ -71,6 +72,8 @@ def npm(*arguments: str) -> None:
     """
     command, search_path = npm_command()
     environment = {**os.environ, "PATH": search_path, "NO_UPDATE_NOTIFIER": "1"}
+    if SYSTEM_AUTHORITIES.exists():  # as pip and git do; a proxy may have an authority of its own
+        environment.setdefault("NODE_EXTRA_CA_CERTS", str(SYSTEM_AUTHORITIES))
     result = subprocess.run([*command, *arguments], cwd=WEB, env=environment, check=False)  # noqa: S603
     if result.returncode != 0:
         hint = " (the packages of package-lock.json need a network)" if "ci" in arguments else ""
