@@ -9,7 +9,7 @@ PACKAGES := shared services/edge services/learner services/robot_sim services/da
 SOURCES := $(PACKAGES:%=%/bpn*)
 
 .DEFAULT_GOAL := help
-.PHONY: help up test test-browser test-containers test-chaos test-fresh-machine screenshots lint format bench reproduce reproduce-quick doctor clean
+.PHONY: help up test test-browser test-containers test-chaos test-fresh-machine screenshots lint format bench bench-sweep reproduce reproduce-quick doctor clean
 
 help:            ## this list
 	@grep -hE '^[a-z-]+: .*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 20
@@ -44,7 +44,7 @@ lint: $(INSTALLED) ## ruff, mypy --strict, import-linter; prettier, svelte-check
 	$(BIN)/mypy -p bpn_shared -p bpn_edge -p bpn_learner -p bpn_robot_sim -p bpn_dashboard -p bpn_certificates -p bpn
 	$(BIN)/mypy bench
 	$(BIN)/lint-imports --no-logo
-	$(BIN)/python services/dashboard/hatch_build.py check test
+	$(BIN)/python services/dashboard/hatch_build.py types check test
 
 format: $(INSTALLED) ## write code as ruff wants it
 	$(BIN)/ruff check --fix .
@@ -56,6 +56,9 @@ bench: $(INSTALLED) ## kernel, learner, loop and dashboard, side by side with wh
 	$(BIN)/bpn bench learner
 	$(BIN)/bpn bench loop
 	$(BIN)/bpn bench dashboard
+
+bench-sweep: $(INSTALLED) ## a sweep with one learner and with two, in containers (any Docker Engine)
+	PYTHONPATH=tests/support $(BIN)/python bench/sweep.py
 
 TARGETS := inference reaching latency tracking pan-tilt heatmap
 JOBS ?= 1

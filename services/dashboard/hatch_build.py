@@ -4,7 +4,8 @@ Node comes from PATH or, where that has none, from the build requirement nodejs-
 building needs only Python. Nothing is built when the sources are those of the last build, which also lets
 a source distribution that carries the built files install without Node.
 
-As a program it runs npm scripts of web/ with the same Node: `python hatch_build.py check test`.
+As a program it runs npm scripts of web/ with the same Node: `python hatch_build.py types check test`.
+No script may call npm in turn: the wheel's own `bin/npm` does not find its library.
 """
 
 import hashlib

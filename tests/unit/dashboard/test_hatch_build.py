@@ -1,6 +1,7 @@
 """The build hook: what it builds from, with which Node, and what it says when it cannot."""
 
 import importlib.util
+import json
 import os
 import stat
 import sys
@@ -111,3 +112,25 @@ def test_built_files_without_sources_are_kept(hook: ModuleType) -> None:
         hook.build()
     hook.STAMP.write_text("digest")
     hook.build()
+
+
+def test_npm_trusts_the_systems_authorities_unless_told_otherwise(
+    hook: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked, authorities = tmp_path / "asked", tmp_path / "authorities.crt"
+    use(
+        monkeypatch, programs(tmp_path / "bin", "v20.19.0", f"echo $NODE_EXTRA_CA_CERTS >> {asked}")
+    )
+    monkeypatch.setattr(hook, "SYSTEM_AUTHORITIES", authorities)
+    monkeypatch.delenv("NODE_EXTRA_CA_CERTS", raising=False)
+    hook.npm("ci")
+    authorities.touch()
+    hook.npm("ci")
+    monkeypatch.setenv("NODE_EXTRA_CA_CERTS", "/elsewhere.crt")
+    hook.npm("ci")
+    assert asked.read_text().splitlines() == ["", str(authorities), "/elsewhere.crt"]
+
+
+def test_no_script_calls_npm_which_the_wheel_cannot_do() -> None:
+    package = json.loads((HOOK.parent / "web" / "package.json").read_text())
+    assert not [name for name, script in package["scripts"].items() if "npm" in script.split()]
