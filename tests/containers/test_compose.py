@@ -74,7 +74,7 @@ def test_a_container_sees_its_own_certificates_alone(project: Project, service: 
     certificates = mounts.pop("/certificates")
     assert certificates["Name"].endswith(f"_certificates-{service}")
     assert not certificates["RW"]
-    others = {"dashboard": {"/runs", "/state"}, "learner": {"/runs"}}
+    others = {"dashboard": {"/runs", "/state", "/metrics"}, "learner": {"/runs"}}
     assert mounts.keys() == others.get(service, set())
 
 

@@ -27,15 +27,16 @@ DEADLINE_S = 60.0
 
 @contextlib.contextmanager
 def dashboard(
-    runs_dir: Path, wait_for, *options: str
+    runs_dir: Path, wait_for, *options: str, state_dir: Path | None = None
 ) -> Iterator[tuple[subprocess.Popen[str], httpx.Client, str]]:
     """A dashboard, a client with its token, and the one-time token that it printed.
 
     Unless the options name a router, it has no message bus.
     """
+    state = () if state_dir is None else ("--state-dir", str(state_dir))
     with subprocess.Popen(
         [sys.executable, "-m", "bpn_dashboard", "--runs-dir", str(runs_dir), "--port", "0",
-         "--connect", f"unixsock-stream/{runs_dir}/no-router", *options],
+         "--connect", f"unixsock-stream/{runs_dir}/no-router", *state, *options],
         stdout=subprocess.PIPE, text=True,
     ) as process:  # fmt: skip
         try:
@@ -44,7 +45,7 @@ def dashboard(
             found: list[Dashboard] = []
 
             def answers() -> bool:
-                found[:] = filter(None, [Dashboard.find(runs_dir)])
+                found[:] = filter(None, [Dashboard.find(state_dir or runs_dir)])
                 return bool(found)
 
             wait_for(answers, "the dashboard to answer", DEADLINE_S)
@@ -147,6 +148,19 @@ def test_the_first_run_is_started_once_and_metrics_have_a_token_of_their_own(
             assert client.post(f"/api/v1/runs/{run['id']}/stop", headers=viewer).status_code == 403
             process.terminate()
             assert process.wait(DEADLINE_S) == 0
+
+
+def test_database_and_token_can_be_kept_from_those_who_share_the_runs(tmp_path, wait_for) -> None:
+    runs, state = tmp_path / "runs", tmp_path / "state"
+    for _ in range(2):  # the second one finds the database
+        with dashboard(runs, wait_for, "--first-run", "reaching", state_dir=state) as (
+            _,
+            client,
+            _,
+        ):
+            (run,) = client.get("/api/v1/runs").json()["items"]
+            assert {path.name for path in runs.iterdir()} == {run["id"]}
+            assert oct((state / ADDRESS_FILE).stat().st_mode)[-3:] == "600"
 
 
 def test_it_refuses_to_listen_beyond_loopback(tmp_path) -> None:

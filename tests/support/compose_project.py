@@ -75,7 +75,7 @@ class Project:
         return bool(state["Running"] and state["Health"]["Status"] == "healthy")
 
     def token(self) -> str:
-        address = self.compose("exec", "-T", "dashboard", "cat", "/runs/.dashboard.json")
+        address = self.compose("exec", "-T", "dashboard", "cat", "/state/.dashboard.json")
         token: str = json.loads(address)["token"]
         return token
 

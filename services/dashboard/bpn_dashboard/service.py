@@ -48,7 +48,7 @@ log = logging.getLogger(__name__)
 
 DEFAULT_PORT = 8000
 ADDRESS_FILE = ".dashboard.json"
-"""In the runs folder: where the dashboard is, and a token for this user's commands."""
+"""In the state folder: where the dashboard is, and a token for this user's commands."""
 _SHUTDOWN_S = 2
 _TOKEN_S = 365 * 86_400.0
 
@@ -60,7 +60,14 @@ def argument_parser() -> argparse.ArgumentParser:
         "--runs-dir", type=Path, default=Path("runs"), help="where run folders are (default runs)"
     )
     parser.add_argument(
-        "--database", metavar="URL", help="SQLAlchemy URL (default: SQLite in the runs folder)"
+        "--state-dir",
+        type=Path,
+        metavar="DIR",
+        help="where its database is and the token for this user's commands (default: the runs folder, "
+        "in which learners of the same user may read them)",
+    )
+    parser.add_argument(
+        "--database", metavar="URL", help="SQLAlchemy URL (default: SQLite in the state folder)"
     )
     parser.add_argument("--host", default="127.0.0.1", help="address to listen at (%(default)s)")
     parser.add_argument(
@@ -96,9 +103,14 @@ def argument_parser() -> argparse.ArgumentParser:
     return parser
 
 
-def database_url(options: argparse.Namespace) -> str:
-    """The database that the options name, or the one in the runs folder."""
-    return options.database or sqlite_url(options.runs_dir / ".dashboard.sqlite")
+def database_url(state_dir: Path, url: str | None = None) -> str:
+    """The database of a URL, or the one in the state folder."""
+    return url or sqlite_url(state_dir / ".dashboard.sqlite")
+
+
+def _state_dir(options: argparse.Namespace) -> Path:
+    folder: Path = options.state_dir or options.runs_dir
+    return folder
 
 
 def check_options(options: argparse.Namespace) -> None:
@@ -228,8 +240,9 @@ def main(argv: list[str] | None = None) -> int:
         check_options(options)
         first_run = RunConfig.for_task(options.first_run) if options.first_run else None
         listener = _listen(options.host, options.port)
-        options.runs_dir.mkdir(parents=True, exist_ok=True)
-        database = Database(database_url(options))
+        for folder in (options.runs_dir, _state_dir(options)):
+            folder.mkdir(parents=True, exist_ok=True)
+        database = Database(database_url(_state_dir(options), options.database))
     except (ConfigError, DatabaseError) as error:
         log.error("%s", error)
         return 2
@@ -303,7 +316,7 @@ def _announced(
         row, viewer = context.tokens.issue("token", "metrics", "viewer", lifetime_s=_TOKEN_S)
         issued.append(row)
         write_atomically(options.metrics_token, viewer.encode())
-    path = options.runs_dir / ADDRESS_FILE
+    path = _state_dir(options) / ADDRESS_FILE
     _write_private(path, json.dumps(address).encode())
     print(f"bpn dashboard: {url}/#token={link}", file=sys.stdout, flush=True)
     try:

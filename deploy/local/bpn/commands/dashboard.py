@@ -35,7 +35,7 @@ def reindex(options: argparse.Namespace) -> int:
     if not options.runs_dir.is_dir():
         raise ConfigError(f"--runs-dir {options.runs_dir}: there is no such folder")
     try:
-        database = Database(database_url(options))
+        database = Database(database_url(options.runs_dir, options.database))
     except DatabaseError as error:
         raise ConfigError(str(error)) from error
     result = RunStore(database, options.runs_dir).index.rebuild()
