@@ -84,9 +84,8 @@ def test_only_the_dashboard_can_be_reached_and_from_this_machine_alone(project: 
         for service in SERVICES
         for container in project.containers(service)
     }
-    port = str(project.port)
     assert published.pop("dashboard") == {
-        f"{port}/tcp": [{"HostIp": "127.0.0.1", "HostPort": port}]
+        "8000/tcp": [{"HostIp": "127.0.0.1", "HostPort": str(project.port)}]
     }
     assert not any(published.values())
     (network,) = json.loads(docker("network", "inspect", f"{project.name}_bus"))

@@ -163,6 +163,32 @@ def test_database_and_token_can_be_kept_from_those_who_share_the_runs(tmp_path, 
             assert oct((state / ADDRESS_FILE).stat().st_mode)[-3:] == "600"
 
 
+def test_behind_another_port_it_tells_the_public_url_and_answers_to_its_name(
+    tmp_path, wait_for, free_tcp_port
+) -> None:
+    port = free_tcp_port()
+    url = "https://robots.example.org:8443"
+    options = [sys.executable, "-m", "bpn_dashboard", "--runs-dir", str(tmp_path)]
+    options += ["--port", str(port), "--connect", f"unixsock-stream/{tmp_path}/no-router"]
+    with subprocess.Popen(
+        [*options, "--public-url", url], stdout=subprocess.PIPE, text=True
+    ) as process:
+        try:
+            assert process.stdout is not None
+            assert process.stdout.readline().startswith(f"bpn dashboard: {url}/#token=")
+            assert json.loads((tmp_path / ADDRESS_FILE).read_bytes())["url"] == url
+
+            def answers() -> bool:
+                with contextlib.suppress(httpx.TransportError):
+                    found = httpx.get(f"http://127.0.0.1:{port}/healthz", headers={"Host": url[8:]})
+                    return found.status_code == 200
+                return False
+
+            wait_for(answers, "an answer to the public name", DEADLINE_S)
+        finally:
+            process.kill()
+
+
 def test_it_refuses_to_listen_beyond_loopback(tmp_path) -> None:
     refused = subprocess.run(
         [sys.executable, "-m", "bpn_dashboard", "--runs-dir", str(tmp_path), "--host", "0.0.0.0"],

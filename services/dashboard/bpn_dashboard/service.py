@@ -6,34 +6,40 @@ import json
 import logging
 import os
 import socket
-import ssl
 import sys
 import threading
 from collections.abc import AsyncIterator, Iterator, Sequence
 from contextlib import ExitStack, asynccontextmanager, contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
+from urllib.parse import urlsplit
 
 import uvicorn
 from fastapi import FastAPI
 from starlette.requests import HTTPConnection
 
-from bpn_dashboard.access.guard import is_loopback
 from bpn_dashboard.access.tokens import LINK_S
 from bpn_dashboard.api.app import Application, create_app
 from bpn_dashboard.api.context import Context, identify
 from bpn_dashboard.api.models import Run
 from bpn_dashboard.api.problems import ApiError
-from bpn_dashboard.database.engine import Database, DatabaseError, sqlite_url
+from bpn_dashboard.database.engine import Database, DatabaseError
 from bpn_dashboard.database.tables import RunRow
 from bpn_dashboard.hub import presence
 from bpn_dashboard.hub.hub import Hub
 from bpn_dashboard.hub.topology import Topology
 from bpn_dashboard.hub.websocket import UVICORN_OPTIONS, live_route
+from bpn_dashboard.options import (
+    argument_parser,
+    check_options,
+    database_url,
+    is_secure,
+    state_dir,
+)
 from bpn_dashboard.registry.dispatcher import Dispatcher
 from bpn_dashboard.registry.store import RunStore
 from bpn_dashboard.series.ingest import Ingest
-from bpn_shared.bus.session import DEFAULT_ENDPOINT, Bus, BusError
+from bpn_shared.bus.session import Bus, BusError
 from bpn_shared.config import ConfigError, RunConfig
 from bpn_shared.run_folder import write_atomically
 from bpn_shared.service import (
@@ -46,101 +52,10 @@ from bpn_shared.service import (
 
 log = logging.getLogger(__name__)
 
-DEFAULT_PORT = 8000
 ADDRESS_FILE = ".dashboard.json"
 """In the state folder: where the dashboard is, and a token for this user's commands."""
 _SHUTDOWN_S = 2
 _TOKEN_S = 365 * 86_400.0
-
-
-def argument_parser() -> argparse.ArgumentParser:
-    """The options."""
-    parser = argparse.ArgumentParser(prog="bpn-dashboard", description=__doc__)
-    parser.add_argument(
-        "--runs-dir", type=Path, default=Path("runs"), help="where run folders are (default runs)"
-    )
-    parser.add_argument(
-        "--state-dir",
-        type=Path,
-        metavar="DIR",
-        help="where its database is and the token for this user's commands (default: the runs folder, "
-        "in which learners of the same user may read them)",
-    )
-    parser.add_argument(
-        "--database", metavar="URL", help="SQLAlchemy URL (default: SQLite in the state folder)"
-    )
-    parser.add_argument("--host", default="127.0.0.1", help="address to listen at (%(default)s)")
-    parser.add_argument(
-        "--port", type=int, default=DEFAULT_PORT, help="0: any free one (%(default)s)"
-    )
-    parser.add_argument(
-        "--connect", default=DEFAULT_ENDPOINT, help="the router's endpoint (default %(default)s)"
-    )
-    parser.add_argument(
-        "--allow-host", action="append", default=[], metavar="NAME",
-        help="another name by which browsers reach it; may be repeated",
-    )  # fmt: skip
-    parser.add_argument(
-        "--first-run",
-        metavar="TASK",
-        default="",
-        help="start a run of this task if there is no run yet",
-    )
-    parser.add_argument("--certificate", type=Path, help="TLS certificate, PEM")
-    parser.add_argument("--key", type=Path, help="its private key, PEM")
-    parser.add_argument(
-        "--insecure-http", action="store_true", help="beyond loopback without TLS, at your own risk"
-    )
-    parser.add_argument(
-        "--open-metrics", action="store_true", help="/metrics needs no token from loopback"
-    )
-    parser.add_argument(
-        "--metrics-token",
-        type=Path,
-        metavar="FILE",
-        help="write a token for who reads /metrics here",
-    )
-    return parser
-
-
-def database_url(state_dir: Path, url: str | None = None) -> str:
-    """The database of a URL, or the one in the state folder."""
-    return url or sqlite_url(state_dir / ".dashboard.sqlite")
-
-
-def _state_dir(options: argparse.Namespace) -> Path:
-    folder: Path = options.state_dir or options.runs_dir
-    return folder
-
-
-def check_options(options: argparse.Namespace) -> None:
-    """Refuses what would let others listen in.
-
-    Raises:
-        ConfigError: the combination is wrong; the message says what to do.
-    """
-    if (options.certificate is None) != (options.key is None):
-        raise ConfigError("--certificate and --key belong together")
-    if options.certificate is not None:
-        _check_certificate(options.certificate, options.key)
-    secure = options.certificate is not None or options.insecure_http
-    if not is_loopback(options.host) and not secure:
-        raise ConfigError(
-            f"--host {options.host}: others could read sessions off the network. Give --certificate and "
-            "--key, or --insecure-http if you mean it"
-        )
-
-
-def _check_certificate(certificate: Path, key: Path) -> None:
-    for path in (certificate, key):
-        if not path.is_file():
-            raise ConfigError(f"{path}: there is no such file")
-    try:
-        ssl.create_default_context(ssl.Purpose.CLIENT_AUTH).load_cert_chain(certificate, key)
-    except OSError as error:  # ssl.SSLError is one
-        raise ConfigError(
-            f"--certificate {certificate} --key {key} are no PEM certificate with its key: {error}"
-        ) from error
 
 
 @dataclass
@@ -172,7 +87,7 @@ def build(options: argparse.Namespace, database: Database) -> tuple[Application,
         counters=counters,
         topology=live.topology.snapshot,
         obstacle=live.obstacle,
-        secure=options.certificate is not None,
+        secure=is_secure(options),
         open_metrics=options.open_metrics,
     )
 
@@ -198,6 +113,8 @@ def build(options: argparse.Namespace, database: Database) -> tuple[Application,
 
     routes = [live_route(lambda: live.hub, may_watch)]
     hosts = [options.host, *options.allow_host]
+    if options.public_url is not None:
+        hosts.append(str(urlsplit(options.public_url).hostname))
     return create_app(context, hosts=hosts, lifespan=lifespan, routers=routes), context
 
 
@@ -240,9 +157,9 @@ def main(argv: list[str] | None = None) -> int:
         check_options(options)
         first_run = RunConfig.for_task(options.first_run) if options.first_run else None
         listener = _listen(options.host, options.port)
-        for folder in (options.runs_dir, _state_dir(options)):
+        for folder in (options.runs_dir, state_dir(options)):
             folder.mkdir(parents=True, exist_ok=True)
-        database = Database(database_url(_state_dir(options), options.database))
+        database = Database(database_url(state_dir(options), options.database))
     except (ConfigError, DatabaseError) as error:
         log.error("%s", error)
         return 2
@@ -302,10 +219,7 @@ def _announced(
     options: argparse.Namespace, listener: socket.socket, context: Context
 ) -> Iterator[None]:
     """Prints the link for the browser, and tells this user's commands where the dashboard is."""
-    scheme = "https" if context.secure else "http"
-    name = next(iter(options.allow_host), options.host)
-    name = f"[{name}]" if ":" in name else name
-    url = f"{scheme}://{name}:{listener.getsockname()[1]}"
+    url = options.public_url or _url_of(options, listener, context)
     _, link = context.tokens.issue("link", "local user", "admin", lifetime_s=LINK_S)
     row, token = context.tokens.issue("token", "local commands", "operator", lifetime_s=_TOKEN_S)
     issued = [row]
@@ -316,7 +230,7 @@ def _announced(
         row, viewer = context.tokens.issue("token", "metrics", "viewer", lifetime_s=_TOKEN_S)
         issued.append(row)
         write_atomically(options.metrics_token, viewer.encode())
-    path = _state_dir(options) / ADDRESS_FILE
+    path = state_dir(options) / ADDRESS_FILE
     _write_private(path, json.dumps(address).encode())
     print(f"bpn dashboard: {url}/#token={link}", file=sys.stdout, flush=True)
     try:
@@ -327,6 +241,13 @@ def _announced(
         with suppress(OSError, ValueError):
             if json.loads(path.read_bytes())["pid"] == os.getpid():
                 path.unlink()
+
+
+def _url_of(options: argparse.Namespace, listener: socket.socket, context: Context) -> str:
+    scheme = "https" if context.secure else "http"
+    name = next(iter(options.allow_host), options.host)
+    name = f"[{name}]" if ":" in name else name
+    return f"{scheme}://{name}:{listener.getsockname()[1]}"
 
 
 def _write_private(path: Path, data: bytes) -> None:

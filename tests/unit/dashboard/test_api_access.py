@@ -13,7 +13,7 @@ from bpn_dashboard.access.guard import CONTENT_SECURITY_POLICY, Guard
 from bpn_dashboard.access.roles import ROLES
 from bpn_dashboard.api.context import Context
 from bpn_dashboard.api.openapi import ROLE
-from bpn_dashboard.service import argument_parser, check_options
+from bpn_dashboard.options import argument_parser, check_options
 from bpn_shared.config import ConfigError
 
 PUBLIC = {"logIn", "getHealth", "getReadiness", "getPrometheusMetrics"}  # the last checks by itself
@@ -228,6 +228,14 @@ def test_guessing_is_slowed_down_for_the_guesser_alone(application, context) -> 
         (["--host", "0.0.0.0", "--insecure-http"], None),
         (["--host", "0.0.0.0", "--certificate", "PEM", "--key", "PEM"], None),
         (["--certificate", "PEM"], "belong together"),
+        (["--public-url", "https://robots.example.org"], None),
+        (["--public-url", "http://[::1]:8000"], None),
+        (["--public-url", "robots.example.org"], "such as http://localhost:8000"),
+        (["--public-url", "http://localhost:8000/"], "such as"),
+        (["--public-url", "http://localhost:port"], "such as"),
+        (["--public-url", "http://me@localhost"], "such as"),
+        (["--public-url", "ftp://localhost"], "such as"),
+        (["--public-url", "http://:80"], "such as"),
         (["--certificate", "missing.pem", "--key", "PEM"], "missing.pem"),
         (["--certificate", "PEM", "--key", "EMPTY"], "are no PEM certificate with its key"),
     ],

@@ -6,8 +6,8 @@ import sys
 from bpn.dashboard import Dashboard
 from bpn.options import add_runs_dir
 from bpn_dashboard.database.engine import Database, DatabaseError
+from bpn_dashboard.options import database_url
 from bpn_dashboard.registry.store import RunStore
-from bpn_dashboard.service import database_url
 from bpn_shared.config import ConfigError
 
 

@@ -1,0 +1,137 @@
+"""The options of `bpn-dashboard`, and which combinations are refused."""
+
+import argparse
+import ssl
+from pathlib import Path
+from urllib.parse import urlsplit
+
+from bpn_dashboard.access.guard import is_loopback
+from bpn_dashboard.database.engine import sqlite_url
+from bpn_shared.bus.session import DEFAULT_ENDPOINT
+from bpn_shared.config import ConfigError
+
+DEFAULT_PORT = 8000
+
+
+def argument_parser() -> argparse.ArgumentParser:
+    """The options."""
+    parser = argparse.ArgumentParser(
+        prog="bpn-dashboard",
+        description="Runs, their registry, the live view and the web UI, in one process.",
+    )
+    parser.add_argument(
+        "--runs-dir", type=Path, default=Path("runs"), help="where run folders are (default runs)"
+    )
+    parser.add_argument(
+        "--state-dir",
+        type=Path,
+        metavar="DIR",
+        help="where its database is and the token for this user's commands (default: the runs folder, "
+        "in which learners of the same user may read them)",
+    )
+    parser.add_argument(
+        "--database", metavar="URL", help="SQLAlchemy URL (default: SQLite in the state folder)"
+    )
+    parser.add_argument("--host", default="127.0.0.1", help="address to listen at (%(default)s)")
+    parser.add_argument(
+        "--port", type=int, default=DEFAULT_PORT, help="0: any free one (%(default)s)"
+    )
+    parser.add_argument(
+        "--connect", default=DEFAULT_ENDPOINT, help="the router's endpoint (default %(default)s)"
+    )
+    parser.add_argument(
+        "--allow-host", action="append", default=[], metavar="NAME",
+        help="another name by which browsers reach it; may be repeated",
+    )  # fmt: skip
+    parser.add_argument(
+        "--public-url",
+        metavar="URL",
+        help="where browsers reach it, if that is not --host and --port: a published port, a proxy",
+    )
+    parser.add_argument(
+        "--first-run",
+        metavar="TASK",
+        default="",
+        help="start a run of this task if there is no run yet",
+    )
+    parser.add_argument("--certificate", type=Path, help="TLS certificate, PEM")
+    parser.add_argument("--key", type=Path, help="its private key, PEM")
+    parser.add_argument(
+        "--insecure-http", action="store_true", help="beyond loopback without TLS, at your own risk"
+    )
+    parser.add_argument(
+        "--open-metrics", action="store_true", help="/metrics needs no token from loopback"
+    )
+    parser.add_argument(
+        "--metrics-token",
+        type=Path,
+        metavar="FILE",
+        help="write a token for who reads /metrics here",
+    )
+    return parser
+
+
+def database_url(state_dir: Path, url: str | None = None) -> str:
+    """The database of a URL, or the one in the state folder."""
+    return url or sqlite_url(state_dir / ".dashboard.sqlite")
+
+
+def state_dir(options: argparse.Namespace) -> Path:
+    """Where the dashboard keeps what is its alone."""
+    folder: Path = options.state_dir or options.runs_dir
+    return folder
+
+
+def is_secure(options: argparse.Namespace) -> bool:
+    """Whether browsers speak TLS with it, or with a proxy before it."""
+    behind_tls = (options.public_url or "").startswith("https:")
+    return behind_tls or options.certificate is not None
+
+
+def check_options(options: argparse.Namespace) -> None:
+    """Refuses what would let others listen in.
+
+    Raises:
+        ConfigError: the combination is wrong; the message says what to do.
+    """
+    if (options.certificate is None) != (options.key is None):
+        raise ConfigError("--certificate and --key belong together")
+    if options.certificate is not None:
+        _check_certificate(options.certificate, options.key)
+    secure = options.certificate is not None or options.insecure_http
+    if options.public_url is not None and not _is_origin(options.public_url):
+        raise ConfigError(
+            f"--public-url {options.public_url}: must be scheme, name and port, such as "
+            "http://localhost:8000"
+        )
+    if not is_loopback(options.host) and not secure:
+        raise ConfigError(
+            f"--host {options.host}: others could read sessions off the network. Give --certificate and "
+            "--key, or --insecure-http if you mean it"
+        )
+
+
+def _is_origin(url: str) -> bool:
+    """Whether it is scheme and authority, and nothing else."""
+    try:
+        parts = urlsplit(url)
+        return (
+            parts.port != 0
+            and bool(parts.hostname)
+            and parts.username is None
+            and url in {f"{scheme}://{parts.netloc}" for scheme in ("http", "https")}
+        )
+    except ValueError:  # no port
+        return False
+
+
+def _check_certificate(certificate: Path, key: Path) -> None:
+    for path in (certificate, key):
+        if not path.is_file():
+            raise ConfigError(f"{path}: there is no such file")
+    try:
+        ssl.create_default_context(ssl.Purpose.CLIENT_AUTH).load_cert_chain(certificate, key)
+    except OSError as error:  # ssl.SSLError is one
+        raise ConfigError(
+            f"--certificate {certificate} --key {key} are no PEM certificate with its key: {error}"
+        ) from error
