@@ -63,8 +63,9 @@ class RunFolder:
         folder.path.mkdir(parents=True)
         for part in ("episodes", "weights", "logs"):
             (folder.path / part).mkdir()
-        write_atomically(folder.path / "config.json", config.model_dump_json(indent=2).encode())
         folder.set_state("queued")
+        # Last: a folder that has it counts as a run.
+        write_atomically(folder.path / "config.json", config.model_dump_json(indent=2).encode())
         return folder
 
     @classmethod

@@ -46,10 +46,14 @@ class Edge:
         return self.got[-1] if self.got else None
 
 
-def test_an_edge_that_starts_late_has_the_newest_at_once(open_bus: OpenBus) -> None:
+def test_an_edge_that_starts_late_has_the_newest_at_once(
+    open_bus: OpenBus, wait_for: WaitFor
+) -> None:
     publisher = WeightsPublisher(open_bus(), RUN)
     for version in range(8):
         publisher.publish(blob(1, version))
+    first = Edge(open_bus())  # it may come before the router has heard of the learner
+    wait_for(lambda: first.newest == (1, 7), "version 7")
     assert Edge(open_bus()).got == [(1, 7)]
 
 

@@ -52,12 +52,15 @@ def test_an_interrupted_campaign_goes_on_and_makes_no_finished_run_again(
     def states() -> list[str]:
         return [folder.state().state for folder in folders(runs_dir)]
 
-    wait_for(
-        lambda: sorted(states()) == ["finished", "running"], "one run finished, one going", 120
-    )
-    process.send_signal(signal.SIGINT)
-    services = psutil.Process(process.pid).children(recursive=True)
-    output, _ = process.communicate(timeout=30)
+    try:
+        wait_for(
+            lambda: sorted(states()) == ["finished", "running"], "one run finished, one going", 120
+        )
+        process.send_signal(signal.SIGINT)
+        services = psutil.Process(process.pid).children(recursive=True)
+        output, _ = process.communicate(timeout=30)
+    finally:
+        process.kill()
     assert process.returncode == 130
     assert "1 of 2 runs are finished; go on with: bpn reproduce tracking" in output
     assert not [service for service in services if service.is_running()]

@@ -9,17 +9,18 @@ CHUNK_BYTES = 64 * 1024
 
 
 class CountingProxy:
-    """Relays connections to a port of this machine.
+    """Relays connections to `localhost`, listening there: at the loopback that it names first, as Zenoh does.
 
     Attributes:
-        port: where it listens, on loopback.
+        port: where it listens.
         there_bytes: sent towards the target so far.
         back_bytes: sent back so far.
     """
 
     def __init__(self, target_port: int) -> None:
         self._target_port = target_port
-        self._listener = socket.create_server(("127.0.0.1", 0))
+        family, _, _, _, address = socket.getaddrinfo("localhost", 0, type=socket.SOCK_STREAM)[0]
+        self._listener = socket.create_server(address[:2], family=family)
         self.port: int = self._listener.getsockname()[1]
         self.there_bytes = self.back_bytes = 0
         self._open: list[socket.socket] = [self._listener]
@@ -41,7 +42,7 @@ class CountingProxy:
         while True:
             try:
                 near, _ = self._listener.accept()
-                far = socket.create_connection(("127.0.0.1", self._target_port))
+                far = socket.create_connection(("localhost", self._target_port))
             except OSError:
                 return
             for connection in (near, far):

@@ -34,6 +34,22 @@ def test_the_configuration_is_kept(folder: RunFolder) -> None:
         folder.config()
 
 
+def test_a_run_that_is_seen_has_all_its_files(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def slowly(path: Path, data: bytes) -> None:
+        for name in ("config.json", "state.json"):  # before each file, and after it
+            for config in tmp_path.glob("*/config.json"):
+                RunFolder(config.parent).state()
+            if path.name == name:
+                write_atomically(path, data)
+
+    monkeypatch.setattr("bpn_shared.run_folder.write_atomically", slowly)
+    made = RunFolder.create(tmp_path, UUID(int=1), RunConfig.for_task("reaching"))
+    assert made.state().state == "queued"
+    assert made.config() == RunConfig.for_task("reaching")
+
+
 def test_attempts_count_owners(folder: RunFolder) -> None:
     assert folder.state().attempt == 0
     assert folder.set_state("running", new_attempt=True).attempt == 1
