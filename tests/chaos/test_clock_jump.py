@@ -7,6 +7,7 @@ read from the kernel is not.
 
 import itertools
 import threading
+import time
 from collections.abc import Callable
 from pathlib import Path
 
@@ -36,6 +37,10 @@ def run_to_end(folder: RunFolder) -> None:
     execute(folder, endpoint=private_endpoint(), stop=threading.Event(), out=Console(quiet=True))
 
 
+def episodes(folder: RunFolder) -> int:
+    return len(list(folder.path.glob("episodes/*.bpne")))
+
+
 def test_the_clock_jumps_by_a_day_forth_and_back(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, wait_for: Callable[..., None]
 ) -> None:
@@ -55,6 +60,11 @@ def test_the_clock_jumps_by_a_day_forth_and_back(
         new = clock.with_suffix(".new")
         new.write_text(str(offset_s))
         new.replace(clock)
+        stored, start_s = episodes(folder), time.monotonic()
+        wait_for(lambda n=stored: episodes(folder) > n, "an episode after the jump", 120)
+        print(
+            f"JUMP of {offset_s / 3600:+.0f} h: {time.monotonic() - start_s:.2f} s to the next episode"
+        )
     run.join(120)
     assert not run.is_alive(), "the run did not come to its end"
 
