@@ -10,6 +10,26 @@ from bpn_shared.worker import Worker
 _ASK_TIMEOUT_S = 2.0
 _DELIVER_TIMEOUT_S = 10.0
 _AGAIN_S = 0.1
+SOONEST_S, LATEST_S = 0.02, 0.5
+
+
+class Pace:
+    """How long an edge without work waits before it asks again: longer each time, until there is news.
+
+    An update takes seconds, and whoever asks meanwhile takes processor time from it.
+    """
+
+    def __init__(self) -> None:
+        self._pause_s = SOONEST_S
+
+    def next_pause_s(self) -> float:
+        """The pause before the next question."""
+        pause_s, self._pause_s = self._pause_s, min(2 * self._pause_s, LATEST_S)
+        return pause_s
+
+    def quicken(self) -> None:
+        """There is news: the answer is probably another one soon."""
+        self._pause_s = SOONEST_S
 
 
 class LearnerLink:

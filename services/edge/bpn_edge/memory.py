@@ -70,6 +70,11 @@ class WeightMemory:
                 log.info("runs weights version %d of attempt %d", offered.version, offered.attempt)
             return self.weights is not None and self.weights.version == version
 
+    def wait_newer(self, version: int | None, timeout_s: float) -> bool:
+        """Whether the newest version becomes another one than `version` within the timeout."""
+        with self._changed:
+            return self._changed.wait_for(lambda: self.newest != version, timeout_s)
+
     @property
     def newest(self) -> int | None:
         """The newest version in either bank; None before the first."""

@@ -5,7 +5,7 @@ from contextlib import closing
 
 from bpn_edge.decisions import DecisionFeed
 from bpn_edge.driver import Choose, EpisodeDriver
-from bpn_edge.learner_link import LearnerLink
+from bpn_edge.learner_link import LearnerLink, Pace
 from bpn_edge.memory import WeightMemory
 from bpn_edge.policy import epsilon_greedy_action, softmax_action
 from bpn_edge.robot_link import RobotLink
@@ -20,7 +20,7 @@ from bpn_shared.worker import EXIT_FINISHED, Worker
 log = logging.getLogger(__name__)
 
 _WEIGHTS_TIMEOUT_S = 1.0
-_POLL_S = 0.02
+_AGAIN_S = 0.02
 _SILENCE_S = 1.0
 
 
@@ -59,9 +59,10 @@ def serve(worker: Worker, config: RunConfig) -> int:
             steps=config.steps,
             silence_s=max(_SILENCE_S, 5 * period_s),
         )
-        learner = LearnerLink(worker)
+        learner, pace = LearnerLink(worker), Pace()
         while not worker.stop.is_set():
-            assignment = _ask(learner, worker, memory.newest)
+            newest = memory.newest
+            assignment = _ask(learner, worker, newest)
             if assignment is None:
                 continue
             if assignment.verdict == "finished":
@@ -69,8 +70,10 @@ def serve(worker: Worker, config: RunConfig) -> int:
                 break
             if assignment.verdict == "wait":
                 worker.waiting.set(assignment.reason)
-                worker.stop.wait(_POLL_S)
+                if memory.wait_newer(newest, pace.next_pause_s()):  # the update is done
+                    pace.quicken()
                 continue
+            pace.quicken()
             if not memory.activate(assignment.weights_version, _WEIGHTS_TIMEOUT_S):
                 worker.waiting.set(f"weights version {assignment.weights_version}")
                 subscriber.refresh()
@@ -90,7 +93,7 @@ def _ask(learner: LearnerLink, worker: Worker, version: int | None) -> Assignmen
         return learner.next_episode(version)
     except MessageError as error:
         worker.counters.refuse("answers_refused", str(error))
-        worker.stop.wait(_POLL_S)
+        worker.stop.wait(_AGAIN_S)
         return None
 
 

@@ -72,6 +72,16 @@ def test_activation_waits_for_the_offer(memory: WeightMemory) -> None:
     expect_version(memory, 1)
 
 
+def test_news_of_a_version_wake_who_waits(memory: WeightMemory) -> None:
+    assert not memory.wait_newer(None, timeout_s=0)
+    thread = threading.Thread(target=memory.offer, args=(BLOBS[1],))
+    thread.start()
+    assert memory.wait_newer(None, timeout_s=20)
+    thread.join()
+    assert not memory.wait_newer(1, timeout_s=0)
+    assert memory.wait_newer(0, timeout_s=0)  # it came between the question and the wait
+
+
 def test_a_bank_that_computes_wrongly_is_not_used(
     memory: WeightMemory, monkeypatch: pytest.MonkeyPatch
 ) -> None:
