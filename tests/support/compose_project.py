@@ -75,17 +75,23 @@ class Project:
         return bool(state["Running"] and state["Health"]["Status"] == "healthy")
 
     def token(self) -> str:
+        """The dashboard's token for scripts, as it is now: another one after each of its starts."""
         address = self.compose("exec", "-T", "dashboard", "cat", "/state/.dashboard.json")
         token: str = json.loads(address)["token"]
         return token
 
-    def api(self, method: str, path: str, body: dict[str, Any] | None = None) -> Any:
-        """Calls the dashboard through its published port."""
+    def api(
+        self, method: str, path: str, body: dict[str, Any] | None = None, token: str | None = None
+    ) -> Any:
+        """Calls the dashboard through its published port; asks it for its token if that is not given."""
         request = urllib.request.Request(
             f"http://127.0.0.1:{self.port}/api/v1{path}",
             method=method,
             data=None if body is None else json.dumps(body).encode(),
-            headers={"Authorization": f"Bearer {self.token()}", "Content-Type": "application/json"},
+            headers={
+                "Authorization": f"Bearer {token or self.token()}",
+                "Content-Type": "application/json",
+            },
         )
         with urllib.request.urlopen(request, timeout=20) as answer:
             return json.load(answer)
