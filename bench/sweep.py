@@ -18,6 +18,7 @@ from typing import Any
 
 from chaos import facts
 from compose_project import BUILD_TIMEOUT_S, Project, docker
+from rich.box import SIMPLE
 from rich.console import Console
 from rich.table import Table
 
@@ -124,8 +125,8 @@ def speedup(turns: list[dict[str, Any]]) -> float:
 
 
 def table(turns: list[dict[str, Any]]) -> Table:
-    """Where the time went."""
-    shown = Table("learners", "s", "collecting", "updating", *(f"{s}, CPU s" for s in SERVICES))
+    """Where the time went: the sweep's, what its runs' add up to, and each service's processor time."""
+    shown = Table("learners", "sweep", "collect", "update", *SERVICES, title="seconds", box=SIMPLE)
     for turn in turns:
         cells = [turn["seconds"], turn["collect_s"], turn["update_s"], *turn["cpu_s"].values()]
         shown.add_row(str(turn["learners"]), *(f"{cell:.1f}" for cell in cells))

@@ -14,7 +14,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator
 
 import pytest
-from chaos import LONG, RUN_TIMEOUT_S, Progress, facts, kill_main, report
+from chaos import LONG, RUN_TIMEOUT_S, Progress, facts, kill_main, report_pause, reported_return
 from compose_project import EngineError, Project, docker
 
 from bpn_shared.access import ROLES
@@ -71,16 +71,16 @@ Disturbed = Callable[..., tuple[str, Progress]]
 def test_kill_9(project: Project, disturbed: Disturbed, service: str) -> None:
     _, progress = disturbed(service)
     (container,) = project.containers(service)
-    before, start_s = progress.episodes(), time.monotonic()
+    killed_unix_s = time.time()
     kill_main(container)
-    report(f"kill -9 {service}", progress, before + 1, start_s)
+    report_pause(f"kill -9 {service}", progress, killed_unix_s)
 
 
 def test_the_router_is_restarted(project: Project, disturbed: Disturbed) -> None:
     _, progress = disturbed("router")
-    before, start_s = progress.episodes(), time.monotonic()
+    restarted_unix_s = time.time()
     project.compose("restart", "router")
-    report("router restarted", progress, before + 1, start_s)
+    report_pause("router restarted", progress, restarted_unix_s)
 
 
 @pytest.mark.parametrize("service", ["router", "edge", "learner"])
@@ -89,9 +89,8 @@ def test_frozen_for_8_s(project: Project, disturbed: Disturbed, service: str) ->
     (container,) = project.containers(service)
     docker("pause", container)
     time.sleep(8)  # the fault itself
-    before, start_s = progress.episodes(), time.monotonic()
-    docker("unpause", container)
-    report(f"{service} frozen for 8 s, after its thawing", progress, before, start_s)
+    with reported_return(f"{service} frozen for 8 s", progress):
+        docker("unpause", container)
 
 
 @pytest.mark.parametrize("service", ["edge", "learner"])
@@ -101,9 +100,8 @@ def test_without_network_for_15_s(project: Project, disturbed: Disturbed, servic
     network = f"{project.name}_bus"
     docker("network", "disconnect", network, container)
     time.sleep(15)  # the fault itself
-    before, start_s = progress.episodes(), time.monotonic()
-    docker("network", "connect", "--alias", service, network, container)
-    report(f"{service} without network for 15 s, after its return", progress, before, start_s)
+    with reported_return(f"{service} without network for 15 s", progress):
+        docker("network", "connect", "--alias", service, network, container)
 
 
 @pytest.mark.skipif(
@@ -115,22 +113,22 @@ def test_30_percent_of_packets_lost(project: Project, disturbed: Disturbed) -> N
     (container,) = project.containers("edge")
     inside = ["nsenter", "-t", str(project.state(container)["Pid"]), "-n", "iptables"]
     rule = ["INPUT", "-m", "statistic", "--mode", "random", "--probability", "0.3", "-j", "DROP"]
-    before, start_s = progress.episodes(), time.monotonic()
+    before = len(progress.stored_unix_s())
     subprocess.run([*inside, "-A", *rule], check=True, timeout=10)
     time.sleep(10)  # the fault itself
-    print(f"PACKET LOSS: {progress.episodes() - before} episodes in 10 s")
-    subprocess.run([*inside, "-D", *rule], check=True, timeout=10)
-    report("30 % packet loss for 10 s, from its begin", progress, before, start_s)
+    print(f"PACKET LOSS: {len(progress.stored_unix_s()) - before} episodes in 10 s")
+    with reported_return("30 % packet loss for 10 s", progress):
+        subprocess.run([*inside, "-D", *rule], check=True, timeout=10)
 
 
 def test_a_storm_of_sigterm(project: Project, disturbed: Disturbed) -> None:
     _, progress = disturbed("edge")
-    before, start_s = progress.episodes(), time.monotonic()
+    began_unix_s = time.time()
     for _ in range(3):
         for service in ("edge", "robot_sim", "learner"):
             for container in project.containers(service):
                 docker("exec", container, "bash", "-c", "kill $(cat /proc/1/task/1/children)")
-    report("three rounds of SIGTERM to all workers", progress, before + 1, start_s)
+    report_pause("three rounds of SIGTERM to all workers", progress, began_unix_s)
 
 
 def test_many_kills_in_random_order(project: Project, disturbed: Disturbed) -> None:

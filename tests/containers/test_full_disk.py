@@ -5,7 +5,7 @@ import time
 from collections.abc import Callable
 
 import pytest
-from chaos import LONG, RUN_TIMEOUT_S, Progress, facts, report
+from chaos import LONG, RUN_TIMEOUT_S, Progress, facts, reported_return
 from compose_project import Project, docker
 
 pytestmark = pytest.mark.skipif("BPN_CHAOS" not in os.environ, reason="run `make test-chaos`")
@@ -21,8 +21,7 @@ def test_a_run_goes_on_when_there_is_room_again(start: Callable[..., Project]) -
     (dashboard,) = project.containers("dashboard")
     docker("exec", dashboard, "sh", "-c", "cat /dev/zero > /runs/ballast 2>/dev/null || true")
     time.sleep(5)  # the fault itself
-    before, start_s = progress.episodes(), time.monotonic()
-    docker("exec", dashboard, "rm", "/runs/ballast")
-    report("disk full for 5 s, after there is room again", progress, before, start_s)
+    with reported_return("disk full for 5 s", progress):
+        docker("exec", dashboard, "rm", "/runs/ballast")
     project.wait_finished(run, RUN_TIMEOUT_S)
     assert facts(project, run) == facts(project, undisturbed)
