@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from chaos import facts
-from compose_project import BUILD_TIMEOUT_S, Project, docker
+from compose_project import BUILD_TIMEOUT_S, SERVICES, Project, docker
 from rich.box import SIMPLE
 from rich.console import Console
 from rich.table import Table
@@ -33,7 +33,6 @@ SWEEP: dict[str, Any] = {
 }
 TURNS = (1, 2, 2, 1)
 ROBOTS = 2
-SERVICES = ("learner", "robot_sim", "edge", "router", "dashboard")
 TIMEOUT_S = 1800.0
 SETTLE_S = 5.0
 """Until workers that were started have asked for work."""

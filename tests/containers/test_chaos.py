@@ -15,13 +15,10 @@ from collections.abc import Callable, Iterator
 
 import pytest
 from chaos import LONG, RUN_TIMEOUT_S, Progress, facts, kill_main, report_pause, reported_return
-from compose_project import EngineError, Project, docker
-
-from bpn_shared.access import ROLES
+from compose_project import SERVICES, EngineError, Project, docker
 
 pytestmark = pytest.mark.skipif("BPN_CHAOS" not in os.environ, reason="run `make test-chaos`")
 
-SERVICES = ("router", *ROLES)
 MANY = LONG | {"iterations": 60, "episodes": 10}
 """Short iterations: a learner that dies before it has done one is a crash loop, and given up for good reason."""
 KILLS = int(os.environ.get("BPN_CHAOS_KILLS", "50"))
@@ -58,7 +55,7 @@ def disturbed(
     yield start
     for run, config in started:
         project.wait_finished(run, RUN_TIMEOUT_S)
-        project.up()  # until everything is well again
+        project.wait_well()
         found = facts(project, run)
         assert (found["lost"], found["duplicated"]) == (0, 0)
         assert found == undisturbed(**config)
@@ -145,7 +142,7 @@ def test_many_kills_in_random_order(project: Project, disturbed: Disturbed) -> N
             continue  # it is not back from the last time
         killed[victim] += 1
         time.sleep(choice.uniform(0.0, 4.0))
-    project.up()
+    project.wait_well()
     print(
         f"killed {dict(killed)}, then {project.api('GET', f'/runs/{run}')['iteration']} iterations done"
     )

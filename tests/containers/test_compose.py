@@ -7,15 +7,12 @@ from collections.abc import Callable
 
 import pytest
 from chaos import facts, kill_main
-from compose_project import COMMAND_TIMEOUT_S, Project, docker
-
-from bpn_shared.access import ROLES
+from compose_project import COMMAND_TIMEOUT_S, SERVICES, Project, docker
 
 WaitFor = Callable[..., None]
 
 SMALL = {"iterations": 3, "episodes": 6, "epochs": 1, "nodes": 24, "datasets": 2, "seed": 7}
 RUN_TIMEOUT_S = 240.0
-SERVICES = ("router", *ROLES)
 EDGE_BEYOND_BASE_BYTES = 150 * 1000**2
 
 

@@ -8,10 +8,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from bpn_shared.access import ROLES
+
 ROOT = Path(__file__).parents[2]
 BUILD_TIMEOUT_S = 1800
 UP_TIMEOUT_S = 180
 COMMAND_TIMEOUT_S = 60
+SERVICES = ("router", *ROLES)
 
 
 class EngineError(RuntimeError):
@@ -73,6 +76,22 @@ class Project:
     def is_healthy(self, container: str) -> bool:
         state = self.state(container)
         return bool(state["Running"] and state["Health"]["Status"] == "healthy")
+
+    def wait_well(self) -> None:
+        """Waits until every service is well, without starting any: each has to come back by itself.
+
+        Raises:
+            AssertionError: some are not in time; the message has what they said last.
+        """
+        deadline_s = time.monotonic() + UP_TIMEOUT_S
+        while sick := [service for service in SERVICES if not self._is_well(service)]:
+            if time.monotonic() > deadline_s:
+                said = self.compose("logs", "--tail", "20", *sick)
+                raise AssertionError(f"{sick} not well after {UP_TIMEOUT_S} s:\n{said}")
+            time.sleep(0.5)  # the condition is another machine's, as far as we know
+
+    def _is_well(self, service: str) -> bool:
+        return all(map(self.is_healthy, self.compose("ps", "-a", "-q", service).split()))
 
     def token(self) -> str:
         """The dashboard's token for scripts, as it is now: another one after each of its starts."""

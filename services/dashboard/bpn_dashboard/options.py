@@ -121,7 +121,7 @@ def _is_origin(url: str) -> bool:
             and parts.username is None
             and url in {f"{scheme}://{parts.netloc}" for scheme in ("http", "https")}
         )
-    except ValueError:  # no port
+    except ValueError:  # its port is no number
         return False
 
 
