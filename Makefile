@@ -32,10 +32,10 @@ screenshots: $(INSTALLED) ## the pictures of the web UI in docs/dashboard, and h
 test-containers: $(INSTALLED) ## build the images, run the whole loop in containers (any Docker Engine from 25 on)
 	BPN_CONTAINERS=1 $(BIN)/pytest tests/containers
 
-test-chaos: $(INSTALLED) ## every fault that containers may have in the middle of a run (about an hour)
+test-chaos: $(INSTALLED) ## every fault that containers may have in the middle of a run (about a quarter of an hour)
 	BPN_CONTAINERS=1 BPN_CHAOS=1 $(BIN)/pytest -s tests/containers/test_chaos.py tests/containers/test_full_disk.py
 
-test-fresh-machine: ## the README's two commands in a bare container, as root and as a normal user (hours; any Docker Engine)
+test-fresh-machine: ## the README's two commands in a bare container, as root and as a normal user (half an hour; any Docker Engine)
 	deploy/fresh-machine.sh
 
 lint: $(INSTALLED) ## ruff, mypy --strict, import-linter; prettier, svelte-check and vitest for the web UI

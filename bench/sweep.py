@@ -125,7 +125,9 @@ def speedup(turns: list[dict[str, Any]]) -> float:
 
 def table(turns: list[dict[str, Any]]) -> Table:
     """Where the time went: the sweep's, what its runs' add up to, and each service's processor time."""
-    shown = Table("learners", "sweep", "collect", "update", *SERVICES, title="seconds", box=SIMPLE)
+    shown = Table(
+        "learners", "sweep", "collect", "update", *SERVICES, title="seconds", box=SIMPLE, padding=0
+    )
     for turn in turns:
         cells = [turn["seconds"], turn["collect_s"], turn["update_s"], *turn["cpu_s"].values()]
         shown.add_row(str(turn["learners"]), *(f"{cell:.1f}" for cell in cells))

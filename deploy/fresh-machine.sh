@@ -2,7 +2,7 @@
 # README's two commands where nothing is installed: a bare Python container with only make and git added, first as
 # root, then as a normal user for whom root has installed the system packages that the commands name.
 #
-# usage: deploy/fresh-machine.sh [root|user]...      (both, one after the other; an hour or more)
+# usage: deploy/fresh-machine.sh [root|user]...      (both, one after the other; a quarter of an hour each)
 #
 # The sources are a clone of HEAD. Environment, all optional:
 #   BPN_WHEELS      folder with wheels that pip prefers (as for docker compose build)
