@@ -168,6 +168,7 @@ def test_holds_the_tokens_that_it_may_and_no_others(
 ) -> None:
     observer, bus, seen = open_as(OBSERVER), open_as(role), Seen()
     watch = observer.zenoh.liveliness().declare_subscriber("bpn/**", direct(seen.note))
+    list(observer.zenoh.liveliness().get("bpn/**", timeout=2.0))  # the router knows the watch
     tokens = [bus.zenoh.liveliness().declare_token(key) for key in KEYS]
     end = keys.live(role, "end")
     tokens.append(bus.zenoh.liveliness().declare_token(end))
