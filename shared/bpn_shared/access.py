@@ -106,6 +106,7 @@ CHANNELS: tuple[Channel, ...] = (
     Channel(keys.meeting(ANY), "request", ("learner",), ("learner",)),
     Channel(keys.next_episode(ANY), "request", ("edge",), ("learner",)),
     Channel(keys.episode(ANY), "request", ("edge",), ("learner",), episode.MAX_BYTES),
+    Channel(keys.fault(ANY), "request", ("edge", "robot_sim"), ("learner",)),
     Channel(keys.weights(ANY), "stream", ("learner",), ("edge",), MAX_WEIGHTS_BYTES),
     Channel(keys.weights(ANY), "request", ("edge",), ("learner",), MAX_WEIGHTS_BYTES),
     Channel(keys.log(ANY, "learner"), "stream", ("learner",)),

@@ -10,7 +10,7 @@ from bpn_shared.config import ConfigError, RunConfig
 from bpn_shared.heartbeat import Heartbeat
 from bpn_shared.leased import LeaseLoop
 from bpn_shared.messages.lease import Role
-from bpn_shared.run_folder import RunOwnedError
+from bpn_shared.runs.folder import RunOwnedError
 from bpn_shared.service import end_with_supervisor, new_worker_id, set_up_logging, stop_on_signals
 from bpn_shared.worker import (
     EXIT_FAILED,

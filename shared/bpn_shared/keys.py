@@ -41,6 +41,11 @@ def episode(run: Run) -> str:
     return f"bpn/{run}/learner/episode"
 
 
+def fault(run: Run) -> str:
+    """Where an edge or a robot tells the learner that an episode cannot be had."""
+    return f"bpn/{run}/learner/fault"
+
+
 def config(run: Run) -> str:
     """Where the learner answers with the run's configuration: workers are told only run and slot."""
     return f"bpn/{run}/learner/config"

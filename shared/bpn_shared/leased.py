@@ -18,7 +18,7 @@ from bpn_shared.bus.session import Bus, BusError
 from bpn_shared.config import ConfigError
 from bpn_shared.messages.base import MessageError
 from bpn_shared.messages.lease import LeaseReply, LeaseRequest, Release, ReleaseReply
-from bpn_shared.run_folder import RunOwnedError
+from bpn_shared.runs.folder import RunOwnedError
 from bpn_shared.service import set_up_logging
 from bpn_shared.worker import EXIT_FINISHED, Serve, WorkerProcess, service_name
 

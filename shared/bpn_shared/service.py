@@ -72,6 +72,7 @@ class Counters:
     def __init__(self) -> None:
         self._lock = threading.Lock()
         self._counts: Counter[str] = Counter()
+        self._reasons: dict[str, str] = {}
 
     def add(self, name: str, count: int = 1) -> int:
         """Adds to a counter and returns its new value."""
@@ -82,12 +83,20 @@ class Counters:
     def refuse(self, name: str, reason: str) -> None:
         """Counts refused input; logs the 1st, 10th, 100th ... so that a flood cannot fill the log."""
         count = self.add(name)
+        with self._lock:
+            self._reasons.pop(name, None)  # the newest comes last
+            self._reasons[name] = reason
         if count == 10 ** (len(str(count)) - 1):
             log.warning("%s (%s: %d so far)", reason, name, count)
 
     def snapshot(self) -> dict[str, int]:
         with self._lock:
             return dict(self._counts)
+
+    def reasons(self) -> dict[str, str]:
+        """By counter, why the newest of what it counts was refused; the newest of all last."""
+        with self._lock:
+            return dict(self._reasons)
 
 
 class Waiting:

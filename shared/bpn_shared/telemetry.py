@@ -23,10 +23,12 @@ from bpn_shared.messages.telemetry import (
     WeightsMark,
 )
 from bpn_shared.service import Counters, Waiting
+from bpn_shared.version import PROTOCOL, VERSION
 from bpn_shared.weights import Weights
 
 LATENCY_WINDOW_S = 10.0
 _MAX_CHUNKS = 256
+_MAX_REFUSALS = 20
 _LEAST_CPU_PERIOD_S = 0.25
 _STATM, _BOOT_ID = Path("/proc/self/statm"), Path("/proc/sys/kernel/random/boot_id")
 
@@ -161,6 +163,12 @@ class Reporter:
                 *(_key_traffic(key, "sent", tally) for key, tally in sent.items()),
                 *(_key_traffic(key, "received", tally) for key, tally in received.items()),
             ],
+            refusals={
+                name: reason[:MAX_REASON]
+                for name, reason in list(self._counters.reasons().items())[-_MAX_REFUSALS:]
+            },
+            version=VERSION,
+            protocol=PROTOCOL,
         )
 
     def answer(self, _request: bytes) -> bytes:

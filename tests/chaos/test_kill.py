@@ -23,7 +23,7 @@ from bpn_shared.bus.liveliness import Alive
 from bpn_shared.bus.requests import RefusedError, request
 from bpn_shared.bus.session import Bus
 from bpn_shared.config import RunConfig
-from bpn_shared.run_folder import RunFolder
+from bpn_shared.runs.folder import RunFolder
 
 CONFIG = RunConfig.for_task(
     "reaching", seed=11, iterations=5, episodes=40, epochs=1, nodes=24, datasets=2

@@ -20,7 +20,7 @@ from bpn_shared.bus.metrics import MetricsSubscriber
 from bpn_shared.bus.session import Bus
 from bpn_shared.config import RunConfig
 from bpn_shared.messages.metrics import MetricsBatch
-from bpn_shared.run_folder import RunFolder
+from bpn_shared.runs.folder import RunFolder
 
 WaitFor = Callable[..., None]
 CONFIG = RunConfig.for_task(

@@ -23,7 +23,7 @@ from bpn_shared.bus.session import Bus
 from bpn_shared.config import RunConfig
 from bpn_shared.leased import LeaseLoop
 from bpn_shared.messages.lease import LeaseReply, LeaseRequest, Release, ReleaseReply, Role
-from bpn_shared.run_folder import RunFolder
+from bpn_shared.runs.folder import RunFolder
 from bpn_shared.service import Counters
 from bpn_shared.worker import Worker, WorkerProcess
 

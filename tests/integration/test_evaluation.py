@@ -17,7 +17,7 @@ from bpn_shared.bnn import golden
 from bpn_shared.bnn.blob import WeightBlob
 from bpn_shared.messages.episode import Episode
 from bpn_shared.observation import stack
-from bpn_shared.run_folder import RunFolder
+from bpn_shared.runs.folder import RunFolder
 from bpn_shared.seeds import action_uniform
 
 STEPS, HOLD, PERIOD_MS = 12, 3, 145

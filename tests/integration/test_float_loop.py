@@ -16,7 +16,7 @@ from tensorboard.backend.event_processing.event_accumulator import EventAccumula
 
 from bpn_shared.float_weights import FloatWeights
 from bpn_shared.messages.episode import Episode
-from bpn_shared.run_folder import RunFolder
+from bpn_shared.runs.folder import RunFolder
 from bpn_shared.weights import decode_weights
 
 Train = Callable[..., dict[str, Any]]

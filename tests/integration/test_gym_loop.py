@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from bpn_shared.messages.episode import Episode
-from bpn_shared.run_folder import RunFolder
+from bpn_shared.runs.folder import RunFolder
 
 Command = Callable[..., list[str]]
 OPTIONS = [

@@ -17,7 +17,7 @@ from bpn_learner.update import make_optimizer
 from bpn_shared.bnn import golden
 from bpn_shared.bnn.blob import WeightBlob
 from bpn_shared.messages.episode import Episode
-from bpn_shared.run_folder import RunFolder
+from bpn_shared.runs.folder import RunFolder
 
 Train = Callable[..., dict[str, Any]]
 Command = Callable[..., list[str]]

@@ -20,7 +20,7 @@ from bpn_shared import keys
 from bpn_shared.bus.liveliness import TokenWatch
 from bpn_shared.bus.requests import request
 from bpn_shared.bus.session import Bus
-from bpn_shared.run_folder import RunFolder
+from bpn_shared.runs.folder import RunFolder
 
 LONG_S = 150.0
 Train = Callable[..., dict[str, Any]]

@@ -10,7 +10,7 @@ from typing import Any
 import psutil
 import pytest
 
-from bpn_shared.run_folder import RunFolder
+from bpn_shared.runs.folder import RunFolder
 
 Command = Callable[..., list[str]]
 

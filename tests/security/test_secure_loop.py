@@ -15,7 +15,7 @@ from secure_router import SecureRouter
 from bpn_shared.bus.certificates import FOLDER_VARIABLE
 from bpn_shared.bus.router_config import render, secure
 from bpn_shared.config import RunConfig
-from bpn_shared.run_folder import RunFolder
+from bpn_shared.runs.folder import RunFolder
 
 CONFIG = RunConfig.for_task(
     "reaching",

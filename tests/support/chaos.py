@@ -16,7 +16,7 @@ GOES_ON = 20
 FACTS = """
 import json, sys
 from pathlib import Path
-from bpn_shared.run_folder import RunFolder
+from bpn_shared.runs.folder import RunFolder
 folder = RunFolder.open(Path("/runs"), sys.argv[1])
 records, stored = folder.metrics(), len(list(folder.path.glob("episodes/*.bpne")))
 print(json.dumps({

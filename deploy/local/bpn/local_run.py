@@ -23,7 +23,7 @@ from bpn_shared.bus.metrics import MetricsSubscriber
 from bpn_shared.bus.session import Bus
 from bpn_shared.config import ConfigError, RunConfig
 from bpn_shared.messages.metrics import MetricsBatch
-from bpn_shared.run_folder import RunFolder, State
+from bpn_shared.runs.folder import RunFolder, State
 
 log = logging.getLogger(__name__)
 

@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from bpn_shared.messages.episode import Episode
-from bpn_shared.run_folder import RunFolder
+from bpn_shared.runs.folder import RunFolder
 
 
 def summarize(folder: RunFolder) -> dict[str, Any]:

@@ -41,7 +41,7 @@ from bpn_dashboard.registry.store import RunStore
 from bpn_dashboard.series.ingest import Ingest
 from bpn_shared.bus.session import Bus, BusError
 from bpn_shared.config import ConfigError, RunConfig
-from bpn_shared.run_folder import write_atomically
+from bpn_shared.runs.files import write_atomically
 from bpn_shared.service import (
     Counters,
     end_with_supervisor,

@@ -12,7 +12,7 @@ from safetensors import SafetensorError
 from safetensors.torch import load, save
 from torch import Tensor, nn
 
-from bpn_shared.run_folder import write_atomically
+from bpn_shared.runs.files import write_atomically
 
 _NETWORK, _OPTIMIZER = "network.", "optimizer."
 

@@ -17,7 +17,8 @@ from bpn_shared.config import RunConfig
 from bpn_shared.messages.base import MessageError
 from bpn_shared.messages.control import Assignment, EpisodeReceipt, NextEpisode
 from bpn_shared.messages.episode import Episode
-from bpn_shared.run_folder import RunFolder, write_atomically
+from bpn_shared.runs.files import write_atomically
+from bpn_shared.runs.folder import RunFolder
 from bpn_shared.seeds import episode_seed
 
 log = logging.getLogger(__name__)

@@ -20,7 +20,7 @@ from bpn_shared.bus.weights import WeightsPublisher
 from bpn_shared.config import ConfigError
 from bpn_shared.entry import argument_parser, run_worker
 from bpn_shared.messages.control import NextEpisode
-from bpn_shared.run_folder import RunFolder
+from bpn_shared.runs.folder import RunFolder
 from bpn_shared.weights import Weights
 from bpn_shared.worker import EXIT_FINISHED, EXIT_UNRECOVERABLE, Worker
 

@@ -29,7 +29,8 @@ from bpn_learner.update import (
 )
 from bpn_shared.config import ConfigError, RunConfig
 from bpn_shared.messages.episode import Episode
-from bpn_shared.run_folder import RunFolder, write_atomically
+from bpn_shared.runs.files import write_atomically
+from bpn_shared.runs.folder import RunFolder
 from bpn_shared.seeds import shuffle_generator
 from bpn_shared.service import Waiting
 from bpn_shared.weights import Weights

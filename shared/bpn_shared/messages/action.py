@@ -3,7 +3,7 @@
 import struct
 from typing import NamedTuple
 
-from bpn_shared.messages.base import MessageError
+from bpn_shared.messages.base import MessageError, OtherVersionError
 
 SCHEMA = 1
 _ACTION = struct.Struct("<BBxxIIQII")
@@ -46,7 +46,7 @@ class Action(NamedTuple):
             raise MessageError(f"action: {len(data)} bytes, expected {_ACTION.size}")
         schema, action, step, version, reset_id, inference_ns, edge_ns = _ACTION.unpack(data)
         if schema != SCHEMA:
-            raise MessageError(f"action: schema {schema}, this program reads {SCHEMA}")
+            raise OtherVersionError(f"action: schema {schema}, this program reads {SCHEMA}")
         if action >= actions:
             raise MessageError(f"action: {action} is outside 0..{actions - 1}")
         return cls(action, step, version, reset_id, inference_ns, edge_ns)

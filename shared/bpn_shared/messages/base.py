@@ -1,9 +1,12 @@
 """The form of the messages that are msgpack maps, and the one error of all decoders."""
 
+from collections.abc import Collection
 from typing import Any, ClassVar, Self
 
 import msgpack
 from pydantic import BaseModel, ConfigDict, ValidationError
+
+from bpn_shared.version import VERSION
 
 MAX_CONTROL_BYTES = 64 * 1024
 ULONG = 2**64
@@ -11,6 +14,10 @@ ULONG = 2**64
 
 class MessageError(ValueError):
     """Bytes from the wire are not the message they should be; the message says in what way."""
+
+
+class OtherVersionError(MessageError):
+    """The bytes are of a schema that this program does not read: not damaged, but somebody else's version."""
 
 
 def check_size(kind: str, data: bytes, limit: int) -> None:
@@ -23,11 +30,12 @@ def check_size(kind: str, data: bytes, limit: int) -> None:
         raise MessageError(f"{kind}: {len(data)} bytes, the limit is {limit}")
 
 
-def unpack_map(kind: str, data: bytes, schema: int) -> dict[str, Any]:
-    """A msgpack map with the expected schema version, without its `schema` entry.
+def unpack_map(kind: str, data: bytes, schemas: Collection[int]) -> tuple[int, dict[str, Any]]:
+    """The schema version of a msgpack map, which must be one of `schemas`, and its other entries.
 
     Raises:
-        MessageError: not msgpack, not a map, or another schema version.
+        OtherVersionError: another schema version.
+        MessageError: not msgpack, not a map, or no schema version.
     """
     try:
         fields = msgpack.unpackb(data, raw=False, strict_map_key=True)
@@ -36,16 +44,26 @@ def unpack_map(kind: str, data: bytes, schema: int) -> dict[str, Any]:
     if not isinstance(fields, dict):
         raise MessageError(f"{kind}: a {type(fields).__name__} where a map is expected")
     found = fields.pop("schema", None)
-    if found != schema:
-        raise MessageError(f"{kind}: schema {found!r}, this program reads {schema}")
-    return fields
+    if not isinstance(found, int) or isinstance(found, bool):
+        raise MessageError(f"{kind}: schema {found!r} is no number")
+    if found not in schemas:
+        known = ", ".join(map(str, sorted(schemas)))
+        raise OtherVersionError(
+            f"{kind}: schema {found}, this program (bpn {VERSION}) reads {known}: install the same version"
+        )
+    return found, fields
 
 
 class Message(BaseModel):
-    """A small message: a msgpack map of validated fields."""
+    """A small message: a msgpack map of validated fields.
+
+    A field that a later schema added has a default, which stands in for it when an older one is read.
+    """
 
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
     SCHEMA: ClassVar[int] = 1
+    OLDER_SCHEMAS: ClassVar[frozenset[int]] = frozenset()
+    """That can be read too."""
 
     def encode(self) -> bytes:
         """The message as bytes."""
@@ -57,10 +75,11 @@ class Message(BaseModel):
         """Reads `encode`'s bytes.
 
         Raises:
+            OtherVersionError: a schema that this program does not read.
             MessageError: oversized, not this message, or a field is outside its range.
         """
         check_size(cls.__name__, data, MAX_CONTROL_BYTES)
-        fields = unpack_map(cls.__name__, data, cls.SCHEMA)
+        _, fields = unpack_map(cls.__name__, data, {cls.SCHEMA} | cls.OLDER_SCHEMAS)
         try:
             return cls.model_validate(fields)
         except ValidationError as error:

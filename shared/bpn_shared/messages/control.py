@@ -12,6 +12,7 @@ Seed = Annotated[int, Field(ge=0, lt=ULONG)]
 WorkerId = Annotated[str, Field(min_length=1, max_length=64, pattern=r"^[a-z0-9-]+$")]
 MAX_REASON = 500
 Reason = Annotated[str, Field(max_length=MAX_REASON)]
+Version = Annotated[str, Field(max_length=64)]
 
 
 class Reset(Message):
@@ -65,3 +66,20 @@ class EpisodeReceipt(Message):
 
     verdict: Literal["stored", "duplicate", "refused"]
     reason: Reason = ""
+
+
+class Fault(Message):
+    """edge, robot -> learner: this episode cannot be had, and why.
+
+    Where seed and weights fix what happens, so does the next try: the learner fails the run when it is told the
+    same thing again and again.
+    """
+
+    iteration: Count
+    episode: Count
+    worker: WorkerId
+    reason: Annotated[str, Field(min_length=1, max_length=MAX_REASON)]
+
+
+class FaultReceipt(Message):
+    """learner -> edge, robot: noted."""

@@ -141,7 +141,8 @@ class _Parts(Message):
 def _unpack(data: bytes) -> _Parts:
     check_size("episode", data, MAX_BYTES)
     try:
-        return _Parts.model_validate(unpack_map("episode", data, SCHEMA))
+        _, fields = unpack_map("episode", data, {SCHEMA})
+        return _Parts.model_validate(fields)
     except ValidationError as error:
         first = error.errors()[0]
         raise MessageError(

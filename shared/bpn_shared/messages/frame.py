@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from bpn_shared.messages.base import MessageError
+from bpn_shared.messages.base import MessageError, OtherVersionError
 
 SCHEMA = 2
 _HEADER = struct.Struct("<BBBBIIIQQIId")
@@ -89,7 +89,7 @@ class FrameHeader(NamedTuple):
             reward,
         ) = _HEADER.unpack(data)
         if schema != SCHEMA:
-            raise MessageError(f"frame header: schema {schema}, this program reads {SCHEMA}")
+            raise OtherVersionError(f"frame header: schema {schema}, this program reads {SCHEMA}")
         if kind >= len(_KINDS):
             raise MessageError(f"frame header: kind {kind} is none of 0..{len(_KINDS) - 1}")
         if math.isinf(reward):

@@ -4,7 +4,7 @@ import struct
 from typing import NamedTuple
 
 from bpn_shared.bnn.spec import IMAGE_SIZE_PX
-from bpn_shared.messages.base import MessageError
+from bpn_shared.messages.base import MessageError, OtherVersionError
 
 SCHEMA = 1
 MAX_CHANNELS = 64
@@ -41,7 +41,7 @@ class PreviewHeader(NamedTuple):
             raise MessageError(f"preview header: {len(data)} bytes, expected {_HEADER.size}")
         schema, *fields = _HEADER.unpack(data)
         if schema != SCHEMA:
-            raise MessageError(f"preview header: schema {schema}, this program reads {SCHEMA}")
+            raise OtherVersionError(f"preview header: schema {schema}, this program reads {SCHEMA}")
         header = cls(*fields)
         stacked = header.frames_stacked
         if not 1 <= header.channels <= MAX_CHANNELS or not stacked or header.channels % stacked:

@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from bpn_shared.messages.base import ULONG, Message
-from bpn_shared.messages.control import Count, Reason, WorkerId
+from bpn_shared.messages.control import Count, Reason, Version, WorkerId
 
 Kind = Annotated[str, Field(min_length=1, max_length=32, pattern=r"^[a-z0-9_]+$")]
 Name = Annotated[str, Field(min_length=1, max_length=64, pattern=r"^[a-z0-9_.]+$")]
@@ -57,7 +57,12 @@ class Telemetry(Message):
         cpu_percent: of one core, since the report before.
         rss_bytes: resident memory.
         latencies: of the last seconds, by name (docs/metrics.md).
+        refusals: by counter, why the newest of what it counts was refused.
+        version, protocol: of the program (`bpn_shared.version`); empty and 1 of one that did not tell.
     """
+
+    SCHEMA = 2
+    OLDER_SCHEMAS = frozenset({1})
 
     kind: Kind
     worker: WorkerId
@@ -76,3 +81,6 @@ class Telemetry(Message):
     weights: dict[WeightsEvent, WeightsMark]
     latencies: Annotated[dict[Name, Percentiles], Field(max_length=50)]
     traffic: Annotated[list[KeyTraffic], Field(max_length=128)]
+    refusals: Annotated[dict[Name, Reason], Field(max_length=20)] = Field(default_factory=dict)
+    version: Version = ""
+    protocol: Count = 1

@@ -14,7 +14,7 @@ from bpn_dashboard.registry.progress import Progress
 from bpn_dashboard.registry.query import RunFilter
 from bpn_dashboard.registry.store import RunStore
 from bpn_shared.config import RunConfig
-from bpn_shared.run_folder import RunFolder
+from bpn_shared.runs.folder import RunFolder
 
 CONFIG = RunConfig.for_task("reaching", seed=3, nodes=24)
 

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from bpn_dashboard.registry.crash_loops import GIVE_UP_AFTER, CrashLoops
 from bpn_dashboard.registry.states import LOST_AFTER_S, DesiredState, observed
-from bpn_shared.run_folder import State
+from bpn_shared.runs.folder import State
 
 RECORDED = [state for state in get_args(State) if state not in ("stopping", "lost")]
 BEYOND_S = LOST_AFTER_S + 0.1

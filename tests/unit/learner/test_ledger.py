@@ -14,7 +14,7 @@ from bpn_shared.config import RunConfig
 from bpn_shared.messages.base import MessageError
 from bpn_shared.messages.control import NextEpisode
 from bpn_shared.messages.episode import Episode, EpisodeMeta
-from bpn_shared.run_folder import RunFolder
+from bpn_shared.runs.folder import RunFolder
 from bpn_shared.seeds import episode_seed
 
 CONFIG = RunConfig.for_task("reaching", seed=3, episodes=4, steps=2)

@@ -7,7 +7,7 @@ from rich.console import Console
 
 from bpn.local_run import execute, private_endpoint
 from bpn_shared.config import ConfigError, RunConfig
-from bpn_shared.run_folder import RunFolder
+from bpn_shared.runs.folder import RunFolder
 
 
 def test_a_run_that_somebody_else_learns_is_left_alone(tmp_path: Path) -> None:

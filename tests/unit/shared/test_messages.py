@@ -122,7 +122,7 @@ def test_an_older_frame_or_episode_is_refused_by_its_schema() -> None:
     with pytest.raises(MessageError, match="frame header: schema 1, this program reads 2"):
         FrameHeader.decode(b"\x01" + header[1:])
     older = msgpack.packb({**msgpack.unpackb(EPISODE.encode()), "schema": 1})
-    with pytest.raises(MessageError, match="episode: schema 1, this program reads 2"):
+    with pytest.raises(MessageError, match=r"episode: schema 1, this program \(bpn .*\) reads 2"):
         Episode.decode(older, REACHING)
 
 
@@ -180,7 +180,7 @@ def test_an_action_that_the_task_does_not_have_is_refused() -> None:
 
 def test_another_schema_is_refused_by_name() -> None:
     newer = msgpack.packb({**msgpack.unpackb(MESSAGES[0].encode()), "schema": 2})
-    with pytest.raises(MessageError, match="schema 2, this program reads 1"):
+    with pytest.raises(MessageError, match=r"schema 2, this program \(bpn .*\) reads 1: install the same version"):
         Reset.decode(newer)
 
 

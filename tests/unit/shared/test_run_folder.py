@@ -5,7 +5,8 @@ from uuid import UUID
 import pytest
 
 from bpn_shared.config import ConfigError, RunConfig
-from bpn_shared.run_folder import RunFolder, RunOwnedError, write_atomically
+from bpn_shared.runs.files import write_atomically
+from bpn_shared.runs.folder import RunFolder, RunOwnedError
 
 RUNS = [UUID(int=0x1234 << 112 | 1), UUID(int=0x1235 << 112 | 2)]
 
@@ -44,7 +45,7 @@ def test_a_run_that_is_seen_has_all_its_files(
             if path.name == name:
                 write_atomically(path, data)
 
-    monkeypatch.setattr("bpn_shared.run_folder.write_atomically", slowly)
+    monkeypatch.setattr("bpn_shared.runs.folder.write_atomically", slowly)
     made = RunFolder.create(tmp_path, UUID(int=1), RunConfig.for_task("reaching"))
     assert made.state().state == "queued"
     assert made.config() == RunConfig.for_task("reaching")

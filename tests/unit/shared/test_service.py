@@ -20,6 +20,17 @@ def test_a_flood_of_refusals_is_counted_and_logged_by_powers_of_ten(
     assert len(caplog.records) == 3  # at 1, 10 and 100
 
 
+def test_the_newest_reason_of_every_kind_of_refusal_is_kept() -> None:
+    counters = Counters()
+    counters.refuse("frames_refused", "of another size")
+    counters.refuse("episodes_refused", "of another run")
+    counters.refuse("frames_refused", "of another task")
+    assert list(counters.reasons().items()) == [
+        ("episodes_refused", "of another run"),
+        ("frames_refused", "of another task"),
+    ]
+
+
 def test_waiting_is_said_once_and_reported(caplog: pytest.LogCaptureFixture) -> None:
     caplog.set_level(logging.INFO)
     waiting, counters = Waiting(), Counters()

@@ -25,7 +25,7 @@ from bpn_dashboard.series import store
 from bpn_dashboard.series.ingest import Ingest
 from bpn_dashboard.series.points import Points
 from bpn_shared.config import RunConfig
-from bpn_shared.run_folder import RunState
+from bpn_shared.runs.folder import RunState
 from bpn_shared.service import Counters
 
 METRIC = "return_px"

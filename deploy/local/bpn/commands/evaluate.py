@@ -13,7 +13,7 @@ from bpn.evaluation.progress import trials_bar
 from bpn.evaluation.trials import PlayedPolicy, Trials, play
 from bpn.options import add_runs_dir
 from bpn_shared.config import ConfigError, Kernel, Pacing, RunConfig
-from bpn_shared.run_folder import RunFolder
+from bpn_shared.runs.folder import RunFolder
 from bpn_shared.service import stop_on_signals
 from bpn_shared.weights import Weights, decode_weights
 

@@ -16,7 +16,7 @@ from bpn.local_run import execute, follow, new_run, private_endpoint
 from bpn.options import add_run_options, add_runs_dir, config_from, given_run_options
 from bpn.summary import summarize
 from bpn_shared.config import ConfigError
-from bpn_shared.run_folder import RunFolder
+from bpn_shared.runs.folder import RunFolder
 from bpn_shared.service import stop_on_signals
 from bpn_shared.tasks import TASKS
 

@@ -15,7 +15,7 @@ from bpn.supervisor import Supervisor, router_and_slots
 from bpn_shared.bus.session import Bus, BusError
 from bpn_shared.config import RunConfig
 from bpn_shared.messages.episode import Episode
-from bpn_shared.run_folder import RunFolder
+from bpn_shared.runs.folder import RunFolder
 from bpn_shared.weights import Weights
 
 PlayedPolicy = Literal["greedy", "softmax", "random"]

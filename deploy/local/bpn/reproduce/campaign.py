@@ -29,7 +29,8 @@ from bpn.reproduce.record import headline
 from bpn_shared.config import RunConfig
 from bpn_shared.messages.base import MessageError
 from bpn_shared.messages.episode import Episode
-from bpn_shared.run_folder import RunFolder, write_atomically
+from bpn_shared.runs.files import write_atomically
+from bpn_shared.runs.folder import RunFolder
 
 _LOOK_S = 0.5
 

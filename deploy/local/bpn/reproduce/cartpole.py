@@ -12,7 +12,7 @@ from bpn.reproduce.definition import Context, Document, Scope, Target
 from bpn.reproduce.markdown import table as markdown_table
 from bpn.reproduce.statistics import LAST, at_end, curves
 from bpn_shared.config import RunConfig
-from bpn_shared.run_folder import RunFolder
+from bpn_shared.runs.folder import RunFolder
 
 TASK = "gym:CartPole-v1"
 _TRIALS, _RANDOM_TRIALS, _QUICK_TRIALS = 20, 100, 2

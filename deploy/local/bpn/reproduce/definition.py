@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from bpn.evaluation.trials import Trials
 from bpn_shared.config import ConfigError, RunConfig
 from bpn_shared.messages.episode import Episode
-from bpn_shared.run_folder import RunFolder
+from bpn_shared.runs.folder import RunFolder
 
 
 class StoppedError(RuntimeError):

@@ -17,7 +17,7 @@ from bpn.reproduce.markdown import table as markdown_table
 from bpn.reproduce.statistics import group
 from bpn.summary import percentiles
 from bpn_shared.config import RunConfig
-from bpn_shared.run_folder import RunFolder
+from bpn_shared.runs.folder import RunFolder
 
 DELAYS_MS = (0, 4, 21, 38, 100, 1003)
 """Those of the paper's Tables III and IV: edge FPGA, edge CPU, server, and a float network on the FPGA."""

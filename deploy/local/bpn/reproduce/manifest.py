@@ -10,7 +10,8 @@ from typing import Any
 
 from bpn.local_run import new_run
 from bpn_shared.config import ConfigError, RunConfig
-from bpn_shared.run_folder import RunFolder, write_atomically
+from bpn_shared.runs.files import write_atomically
+from bpn_shared.runs.folder import RunFolder
 
 
 def config_hash(config: RunConfig) -> str:

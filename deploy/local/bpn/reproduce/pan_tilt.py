@@ -14,7 +14,7 @@ from bpn.reproduce.definition import Context, Document, Scope, Target
 from bpn.reproduce.markdown import table as markdown_table
 from bpn.reproduce.statistics import curves, full_length_shares, group
 from bpn_shared.config import RunConfig
-from bpn_shared.run_folder import RunFolder
+from bpn_shared.runs.folder import RunFolder
 
 PAPER_SECONDS = {"random": 0.9, "bqn": 1.9, "bpn": 11.6}
 """Table II."""

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from bpn.reproduce.statistics import LAST, full_length_shares
-from bpn_shared.run_folder import RunFolder
+from bpn_shared.runs.folder import RunFolder
 
 
 def run_record(folder: RunFolder) -> dict[str, Any]:

@@ -12,7 +12,8 @@ from bpn.bench.machine import machine, versions
 from bpn.plotting import save
 from bpn.reproduce.definition import Document, Target
 from bpn.reproduce.record import run_record
-from bpn_shared.run_folder import RunFolder, write_atomically
+from bpn_shared.runs.files import write_atomically
+from bpn_shared.runs.folder import RunFolder
 
 
 def document(

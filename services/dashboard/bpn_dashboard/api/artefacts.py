@@ -12,7 +12,7 @@ from pydantic import BaseModel
 from bpn_dashboard.api.context import Parts, Viewer
 from bpn_dashboard.api.files import file_response
 from bpn_dashboard.api.problems import ApiError, responses
-from bpn_shared.run_folder import RunFolder
+from bpn_shared.runs.folder import RunFolder
 
 router = APIRouter(tags=["artefacts"])
 

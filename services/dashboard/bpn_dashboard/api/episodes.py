@@ -13,7 +13,7 @@ from bpn_shared.bnn.blob import BlobError
 from bpn_shared.config import RunConfig
 from bpn_shared.messages.base import MessageError
 from bpn_shared.messages.episode import Episode, decode_meta
-from bpn_shared.run_folder import RunFolder
+from bpn_shared.runs.folder import RunFolder
 from bpn_shared.weights import decode_weights
 
 router = APIRouter(tags=["episodes"])

@@ -21,7 +21,7 @@ from bpn_shared.messages.base import MessageError
 from bpn_shared.messages.decision import Decision
 from bpn_shared.messages.metrics import MetricsBatch
 from bpn_shared.messages.preview import PreviewHeader, check_pixels
-from bpn_shared.run_folder import RunFolder
+from bpn_shared.runs.folder import RunFolder
 from bpn_shared.service import Counters
 
 Put = Callable[[Any], None]

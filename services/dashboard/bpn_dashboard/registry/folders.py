@@ -11,7 +11,7 @@ from bpn_dashboard.database.tables import RunRow
 from bpn_dashboard.registry.about import About
 from bpn_dashboard.registry.progress import Progress
 from bpn_dashboard.registry.states import observed
-from bpn_shared.run_folder import RunFolder
+from bpn_shared.runs.folder import RunFolder
 
 log = logging.getLogger(__name__)
 

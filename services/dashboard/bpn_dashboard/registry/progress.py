@@ -4,7 +4,7 @@ import json
 from collections import deque
 from typing import Any
 
-from bpn_shared.run_folder import RunFolder
+from bpn_shared.runs.folder import RunFolder
 from bpn_shared.tasks import RETURN, RETURN_PX
 
 _MEAN_OF = 5

@@ -6,7 +6,7 @@ they say that what is recorded and what is wanted or there do not agree yet.
 
 from typing import Literal
 
-from bpn_shared.run_folder import State
+from bpn_shared.runs.folder import State
 
 DesiredState = Literal["running", "stopped"]
 

@@ -27,7 +27,7 @@ from bpn_dashboard.registry.query import Cursor, Page, RunFilter, conditions, fi
 from bpn_dashboard.registry.states import OVER, is_busy
 from bpn_dashboard.registry.sweeps import expand
 from bpn_shared.config import RunConfig
-from bpn_shared.run_folder import RunFolder
+from bpn_shared.runs.folder import RunFolder
 
 Changes = Mapping[str, Any]
 """Columns of `RunRow` with new values."""

@@ -15,7 +15,6 @@ Files that are replaced are replaced atomically; what was acknowledged to others
 import contextlib
 import fcntl
 import json
-import os
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -25,6 +24,7 @@ from uuid import UUID
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from bpn_shared.config import ConfigError, RunConfig
+from bpn_shared.runs.files import append_line, write_atomically
 from bpn_shared.weights import Weights, decode_weights
 
 State = Literal["queued", "running", "stopping", "finished", "failed", "stopped", "lost"]
@@ -190,13 +190,11 @@ class RunFolder:
 
     def append_metrics(self, record: Mapping[str, Any]) -> None:
         """Adds one iteration's record; it is on disk when this returns."""
-        _append_line(self.path / "metrics.jsonl", record)
+        append_line(self.path / "metrics.jsonl", record)
 
     def append_rewards(self, iteration: int, rewards_px: Sequence[Sequence[float]]) -> None:
         """Adds the rewards of an iteration's steps, for each of its episodes in order."""
-        _append_line(
-            self.path / "rewards.jsonl", {"iteration": iteration, "rewards_px": rewards_px}
-        )
+        append_line(self.path / "rewards.jsonl", {"iteration": iteration, "rewards_px": rewards_px})
 
     def metrics(self) -> list[dict[str, Any]]:
         """The iterations' records in order, each iteration once; a line cut by a crash is left out."""
@@ -209,28 +207,6 @@ class RunFolder:
                 continue
             records[record["iteration"]] = record
         return [records[iteration] for iteration in sorted(records)]
-
-
-def write_atomically(path: Path, data: bytes) -> None:
-    """Replaces a file so that a reader, or a crash at any moment, finds the old or the new one whole."""
-    temporary = path.with_name(path.name + ".new")
-    with temporary.open("wb") as file:
-        file.write(data)
-        file.flush()
-        os.fsync(file.fileno())
-    os.replace(temporary, path)
-
-
-def _append_line(path: Path, record: Mapping[str, Any]) -> None:
-    line = json.dumps(record, allow_nan=False) + "\n"
-    with path.open("ab+") as file:
-        if file.tell():
-            file.seek(-1, os.SEEK_END)
-            if file.read(1) != b"\n":  # a crash cut the last line
-                line = "\n" + line
-        file.write(line.encode())
-        file.flush()
-        os.fsync(file.fileno())
 
 
 def _lock(descriptor: int, kind: int) -> bool:
