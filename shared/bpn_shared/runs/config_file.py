@@ -5,7 +5,6 @@ not say is what the program did that wrote it, never what is the default today.
 """
 
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 from bpn_shared.config import ConfigError, RunConfig
@@ -148,16 +147,3 @@ def _from_1(values: dict[str, Any]) -> dict[str, Any]:
 
 
 _MIGRATIONS: dict[int, Callable[[dict[str, Any]], dict[str, Any]]] = {1: _from_1}
-
-
-def read_config(path: Path) -> RunConfig:
-    """The configuration in a file.
-
-    Raises:
-        OtherConfigVersionError, ConfigError: as `decode_config`; or it cannot be read.
-    """
-    try:
-        data = path.read_bytes()
-    except OSError as error:
-        raise ConfigError(f"{path}: {error.strerror}") from error
-    return decode_config(data, source=str(path))

@@ -16,23 +16,24 @@ digest that is checked when it is read (docs/run-folder.md).
 import contextlib
 import re
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from pathlib import Path
-from typing import Any, Self
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path, PurePath
+from typing import Any, BinaryIO, Self
 from uuid import UUID
 
 from bpn_shared.config import ConfigError, RunConfig
 from bpn_shared.runs.config_file import (
     config_schema,
     config_writer,
+    decode_config,
     encode_config,
     raw_config,
-    read_config,
 )
 from bpn_shared.runs.digests import seal_line
-from bpn_shared.runs.files import append_line, write_atomically
+from bpn_shared.runs.files import Prove, append_line, free, write_atomically
 from bpn_shared.runs.lines import RecordFile
 from bpn_shared.runs.lock import OwnershipLostError, RunOwnedError, is_locked, locked
+from bpn_shared.runs.opening import file_names, open_file, read_file
 from bpn_shared.runs.ownership import Ownership
 from bpn_shared.runs.state import STATES, RunState, State, decode_state, encode_state
 from bpn_shared.weights import Weights, decode_weights
@@ -52,21 +53,13 @@ __all__ = [
 _WEIGHTS_NAME = re.compile(r"\d{6,}\.bpnw")
 
 
-Prove = Callable[[], None]
-"""Called last before a write takes place; raises to keep it from that."""
-
-
-def _free() -> None:
-    """Nobody needs to prove anything."""
-
-
 class RunFolder:
     """Paths and records of one run."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self._metrics = RecordFile(path / "metrics.jsonl")
-        self._rewards = RecordFile(path / "rewards.jsonl")
+        self._metrics = RecordFile(path / "metrics.jsonl", root=path.parent)
+        self._rewards = RecordFile(path / "rewards.jsonl", root=path.parent)
         self._sealed: bool | None = None
 
     @classmethod
@@ -82,7 +75,7 @@ class RunFolder:
             (folder.path / part).mkdir()
         folder.set_state("queued")
         # Last: a folder that has it counts as a run.
-        write_atomically(folder.path / "config.json", encode_config(config))
+        folder.write("config.json", encode_config(config))
         return folder
 
     @classmethod
@@ -107,13 +100,35 @@ class RunFolder:
         A folder that is being made or copied, whatever comes first, is not complete yet; nor is one that is
         named in another spelling of a UUID, which would be the same run twice.
         """
-        return is_run_id(self.path.name) and all(
-            (self.path / name).is_file() for name in ("config.json", "state.json")
-        )
+        return is_run_id(self.path.name) and all(map(self.has, ("config.json", "state.json")))
 
     @property
     def run(self) -> UUID:
         return UUID(self.path.name)
+
+    def open_file(self, name: str) -> BinaryIO:
+        """A file of the run, such as "logs/learner.log"; see `opening.open_file`."""
+        return open_file(self.path.parent, PurePath(self.path.name, name))
+
+    def read_file(self, name: str) -> bytes:
+        """All of a file of the run; see `opening.open_file`."""
+        return read_file(self.path.parent, PurePath(self.path.name, name))
+
+    def has(self, name: str) -> bool:
+        """Whether the run has a file of that name."""
+        try:
+            self.open_file(name).close()
+        except OSError:
+            return False
+        return True
+
+    def file_names(self, folder: str = "", *, suffix: str = "") -> list[str]:
+        """Names of the files in a folder of the run; see `opening.file_names`."""
+        return file_names(self.path.parent, PurePath(self.path.name, folder), suffix=suffix)
+
+    def write(self, name: str, data: bytes, *, prove: Prove = free) -> None:
+        """Replaces a file of the run; see `files.write_atomically`."""
+        write_atomically(self.path / name, data, root=self.path.parent, prove=prove)
 
     @property
     def checkpoint_path(self) -> Path:
@@ -130,7 +145,12 @@ class RunFolder:
             OtherConfigVersionError: a version wrote it that this program cannot stand in for.
             ConfigError: the file is missing, damaged, or was changed.
         """
-        return read_config(self.path / "config.json")
+        path = self.path / "config.json"
+        try:
+            data = self.read_file(path.name)
+        except OSError as error:
+            raise ConfigError(f"{path}: {error.strerror}") from error
+        return decode_config(data, source=str(path))
 
     def raw_config(self) -> dict[str, Any]:
         """The configuration's values as they stand in the file, unchecked, for showing; {} if unreadable."""
@@ -143,12 +163,15 @@ class RunFolder:
     def has_sealed_lines(self) -> bool:
         """Whether a line of metrics or rewards without a digest is damaged: since schema 2 all have one."""
         if self._sealed is None:
-            self._sealed = config_schema(self._config_bytes()) > 1
+            data = self._config_bytes()
+            if not data:  # not there yet
+                return True
+            self._sealed = config_schema(data) > 1
         return self._sealed
 
     def _config_bytes(self) -> bytes:
         try:
-            return (self.path / "config.json").read_bytes()
+            return self.read_file("config.json")
         except OSError:
             return b""
 
@@ -160,7 +183,7 @@ class RunFolder:
         """
         path = self.path / "state.json"
         try:
-            data = path.read_bytes()
+            data = self.read_file(path.name)
         except FileNotFoundError:
             return RunState(
                 state="lost", attempt=self._attempt_told(), error="state.json is missing"
@@ -202,19 +225,19 @@ class RunFolder:
             return self.set_state(state, error=error)
 
     def write_state(
-        self, state: State, *, error: str = "", attempt: int, owner: str = "", prove: Prove = _free
+        self, state: State, *, error: str = "", attempt: int, owner: str = "", prove: Prove = free
     ) -> RunState:
         """Replaces the state; only for who has made sure that it may."""
-        now, path = time.time(), self.path / "state.json"
+        now = time.time()
         new = RunState(
             state=state,
             attempt=attempt,
-            created_unix_s=self.state().created_unix_s if path.exists() else now,
+            created_unix_s=self.state().created_unix_s or now,
             updated_unix_s=now,
             error=error,
             owner=owner,
         )
-        write_atomically(path, encode_state(new), prove=prove)
+        self.write("state.json", encode_state(new), prove=prove)
         return new
 
     @contextlib.contextmanager
@@ -259,29 +282,38 @@ class RunFolder:
             ConfigError: there is none yet, or the newest is missing.
             BlobError: the file is damaged.
         """
-        paths = [
-            p for p in (self.path / "weights").glob("*.bpnw") if _WEIGHTS_NAME.fullmatch(p.name)
-        ]
-        if not paths:
+        names = self.file_names("weights", suffix=".bpnw")
+        versions = [int(name[:-5]) for name in names if _WEIGHTS_NAME.fullmatch(name)]
+        if not versions:
             raise ConfigError(f"{self.path} holds no weights yet")
-        newest = max(paths, key=lambda path: int(path.stem))
         told = max((int(record.get("weights_version", 0)) for record in self.metrics()), default=0)
-        if int(newest.stem) < told:
+        if max(versions) < told:
             raise ConfigError(
                 f"{self.weights_path(told)} is missing, though metrics.jsonl tells of it: resume the run"
             )
-        return decode_weights(newest.read_bytes())
+        return self.weights(max(versions))
 
-    def append_metrics(self, record: Mapping[str, Any], *, prove: Prove = _free) -> None:
+    def weights(self, version: int) -> Weights:
+        """A version of the policy.
+
+        Raises:
+            BlobError: the file is damaged.
+            OSError: it is missing, or cannot be read.
+        """
+        return decode_weights(self.read_file(f"weights/{self.weights_path(version).name}"))
+
+    def append_metrics(self, record: Mapping[str, Any], *, prove: Prove = free) -> None:
         """Adds one iteration's record; it is on disk when this returns."""
-        append_line(self.path / "metrics.jsonl", seal_line(record), prove=prove)
+        self._append("metrics.jsonl", record, prove)
 
     def append_rewards(
-        self, iteration: int, rewards_px: Sequence[Sequence[float]], *, prove: Prove = _free
+        self, iteration: int, rewards_px: Sequence[Sequence[float]], *, prove: Prove = free
     ) -> None:
         """Adds the rewards of an iteration's steps, for each of its episodes in order."""
-        record = {"iteration": iteration, "rewards_px": rewards_px}
-        append_line(self.path / "rewards.jsonl", seal_line(record), prove=prove)
+        self._append("rewards.jsonl", {"iteration": iteration, "rewards_px": rewards_px}, prove)
+
+    def _append(self, name: str, record: Mapping[str, Any], prove: Prove) -> None:
+        append_line(self.path / name, seal_line(record), root=self.path.parent, prove=prove)
 
     def metrics(self) -> list[dict[str, Any]]:
         """The iterations' records in order, each iteration once; damaged lines are left out, and told once.

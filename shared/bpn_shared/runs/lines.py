@@ -66,12 +66,15 @@ def _is_number(value: object) -> bool:
 class RecordFile:
     """A file of records, read as it grows. Damaged lines are left out; each is told once.
 
+    Args:
+        root: as of `tail.read_on`.
+
     Attributes:
         damaged: how many lines were.
     """
 
-    def __init__(self, path: Path) -> None:
-        self._path, self._tail = path, Tail(path)
+    def __init__(self, path: Path, root: Path | None = None) -> None:
+        self._path, self._tail = path, Tail(path, root=root)
         self._lock = threading.Lock()
         self._records: list[dict[str, Any]] = []
         self._lines = 0

@@ -57,8 +57,8 @@ class Ownership:
             (path / "episodes", "*"),
         ):
             remove_unfinished(folder, names)
-        shut_out_appenders(path / "metrics.jsonl")
-        shut_out_appenders(path / "rewards.jsonl")
+        for name in ("metrics.jsonl", "rewards.jsonl"):
+            shut_out_appenders(path / name, root=path.parent)
 
     def prove(self) -> None:
         """Looks whether the folder still is this learner's."""
@@ -109,7 +109,7 @@ class Ownership:
 
     def _write(self, path: Path, data: bytes) -> None:
         with self._writing():
-            write_atomically(path, data, prove=self.prove)
+            write_atomically(path, data, root=self.folder.path.parent, prove=self.prove)
 
     @contextlib.contextmanager
     def _writing(self) -> Iterator[None]:
