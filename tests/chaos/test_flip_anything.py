@@ -105,7 +105,7 @@ def test_a_damaged_folder_gives_the_same_run_or_says_why_not(
 ) -> None:
     copy = RunFolder(tmp_path / interrupted.folder.path.name)
     shutil.copytree(interrupted.folder.path, copy.path)
-    chance = random.Random(case)
+    chance = random.Random(f"case {case}")
     files = sorted(copy.path.glob(KINDS[case % len(KINDS)]))
     path = chance.choice(files)
     told = f"{path.relative_to(copy.path)}: {damage(path, chance)}"
