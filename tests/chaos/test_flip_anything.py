@@ -1,7 +1,7 @@
 """Whatever happens to a file of a run's folder: the run ends as if nothing had, or says in a line why it cannot.
 
-A short run is interrupted. In copies of its folder a bit of a random file is flipped, or the file is cut, emptied or
-removed, and the copy is resumed by the `bpn` command with its real services.
+A short run is interrupted. In copies of its folder a bit of a random file is flipped, or the file is cut, emptied
+or removed, and the copy is resumed by the `bpn` command with its real services.
 """
 
 import json
