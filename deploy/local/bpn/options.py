@@ -6,8 +6,9 @@ from typing import Any, Literal, get_args, get_origin
 
 from annotated_types import Ge, Gt, Le, Lt
 
-from bpn_robot_sim.robot import gym_actions
+from bpn_robot_sim.probe import probe_in_child
 from bpn_shared.config import RunConfig
+from bpn_shared.messages.probe import ProbeRequest
 from bpn_shared.tasks import is_gym
 
 _RANGES = {Ge: "≥ {}", Gt: "> {}", Le: "≤ {}", Lt: "< {}"}
@@ -47,7 +48,7 @@ def config_from(options: argparse.Namespace) -> RunConfig:
     """
     given = given_run_options(options)
     if is_gym(options.task):
-        given = {"actions": gym_actions(options.task)} | given
+        given = {"actions": probe_in_child(ProbeRequest(task=options.task)).actions} | given
     return RunConfig.for_task(options.task, **given)
 
 
