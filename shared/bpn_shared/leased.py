@@ -17,9 +17,11 @@ from bpn_shared.bus.requests import NoReplyError, RefusedError, Responder, reque
 from bpn_shared.bus.session import Bus, BusError
 from bpn_shared.config import ConfigError
 from bpn_shared.messages.base import MessageError
-from bpn_shared.messages.lease import LeaseReply, LeaseRequest, Release, ReleaseReply
+from bpn_shared.messages.control import MAX_REASON
+from bpn_shared.messages.lease import GiveBack, LeaseReply, LeaseRequest, Release, ReleaseReply
 from bpn_shared.runs.folder import RunOwnedError
 from bpn_shared.service import set_up_logging
+from bpn_shared.version import PROTOCOL, VERSION
 from bpn_shared.worker import EXIT_FINISHED, Serve, WorkerProcess, service_name
 
 log = logging.getLogger(__name__)
@@ -28,13 +30,16 @@ _ASK_TIMEOUT_S = 2.0
 _NO_REGISTRY_S = 0.5
 _GIVEN_BACK_S = 1.0
 """Pause before the next question after a lease that the worker could not use."""
+_REFUSED_S, _REFUSED_AT_MOST_S = 1.0, 60.0
+"""Pause after a refusal, which doubles with each in a row: what refuses one worker seldom changes soon."""
 
 
 class Lease(NamedTuple):
-    """A place, and what ends the work there."""
+    """A place, whether its silent owner is to be dispossessed, and what ends the work there."""
 
     run: UUID
     slot: int
+    take_over: bool
     stop: threading.Event
 
 
@@ -49,6 +54,7 @@ class LeaseLoop:
         self._process, self._label = process, label
         self._lock = threading.Lock()
         self._lease: Lease | None = None
+        self._gave_back: GiveBack | None = None  # until the registry knows
 
     def run(self, serve: Serve) -> int:
         """Works until the process is stopped."""
@@ -86,23 +92,39 @@ class LeaseLoop:
     def _next(self) -> Lease | None:
         """The next lease; None if the process was stopped."""
         process = self._process
-        body = LeaseRequest(role=process.kind, worker=process.id, label=self._label).encode()
+        refused_s = _REFUSED_S
         while not process.stop.is_set():
             pause_s = _NO_REGISTRY_S
             try:
-                answer = request(process.bus, keys.lease_request(), body, timeout_s=_ASK_TIMEOUT_S)
-                reply = LeaseReply.decode(answer)
+                reply = LeaseReply.decode(self._ask())
+                self._gave_back, refused_s = None, _REFUSED_S
                 if reply.run_id is not None:
                     process.waiting.done()
-                    return Lease(reply.run_id, reply.slot, threading.Event())
+                    return Lease(reply.run_id, reply.slot, reply.take_over, threading.Event())
                 pause_s = reply.retry_s
                 process.waiting.set("work: no run needs this worker now")
             except NoReplyError:
                 process.waiting.set("the registry to give work")
             except (RefusedError, MessageError) as error:
                 process.counters.refuse("leases_refused", f"asking the registry for work: {error}")
+                process.waiting.set(f"the registry, which refuses this worker: {error}")
+                pause_s, refused_s = refused_s, min(2 * refused_s, _REFUSED_AT_MOST_S)
             process.stop.wait(pause_s)
         return None
+
+    def _ask(self) -> bytes:
+        process = self._process
+        asked = LeaseRequest(
+            role=process.kind,
+            worker=process.id,
+            label=self._label,
+            version=VERSION,
+            protocol=PROTOCOL,
+            gave_back=self._gave_back,
+        )
+        return request(
+            process.bus, keys.lease_request(), asked.encode(), timeout_s=_ASK_TIMEOUT_S
+        )
 
     def _work(self, lease: Lease, serve: Serve) -> None:
         process = self._process
@@ -117,14 +139,21 @@ class LeaseLoop:
                 token = Token(bus, keys.lease(lease.run, process.kind, lease.slot, process.id))
                 with LogPublisher(bus, lease.run, name):
                     log.info("%s serves run %s, slot %d", process.id, lease.run, lease.slot)
-                    serve(process.at(lease.run, lease.slot, bus, lease.stop))
+                    serve(process.at(lease.run, lease.slot, bus, lease.stop, lease.take_over))
                 del token
-        except (BusError, ConfigError, RunOwnedError) as error:
-            log.error("gives back the lease of run %s: %s", lease.run, error)
-            process.stop.wait(_GIVEN_BACK_S)
+        except ConfigError as error:
+            reason = str(error)[:MAX_REASON]
+            self._gave_back = GiveBack(run=str(lease.run), slot=lease.slot, reason=reason)
+            self._pause_after(lease, error)
+        except (BusError, RunOwnedError) as error:  # no fault of the place
+            self._pause_after(lease, error)
         finally:
             with self._lock:
                 self._lease = None
             process.waiting.done()
             process.weights.forget()
             set_up_logging(process.kind)
+
+    def _pause_after(self, lease: Lease, error: Exception) -> None:
+        log.error("gives back the lease of run %s: %s", lease.run, error)
+        self._process.stop.wait(_GIVEN_BACK_S)

@@ -59,11 +59,14 @@ class WorkerProcess:
             TelemetryPublisher(self.bus, self.kind, self.id, reporter.report),
         )
 
-    def at(self, run: UUID, slot: int, bus: Bus, stop: threading.Event) -> "Worker":
+    def at(
+        self, run: UUID, slot: int, bus: Bus, stop: threading.Event, take_over: bool = False
+    ) -> "Worker":
         """This worker at a place, with a session and an end that belong to the work there."""
         return Worker(
             run=run,
             slot=slot,
+            take_over=take_over,
             bus=bus,
             stop=stop,
             kind=self.kind,
@@ -77,10 +80,15 @@ class WorkerProcess:
 
 @dataclass(frozen=True, kw_only=True)
 class Worker(WorkerProcess):
-    """A worker at its place."""
+    """A worker at its place.
+
+    Attributes:
+        take_over: of a learner: the registry orders it to dispossess the folder's owner, who is silent.
+    """
 
     run: UUID
     slot: int
+    take_over: bool = False
 
 
 Serve = Callable[[Worker], int]
