@@ -75,7 +75,7 @@ class RunFolder:
         Raises:
             ConfigError: no such run, or several.
         """
-        names = [path.parent.name for path in sorted(runs_dir.glob("*/config.json"))]
+        names = [folder.path.name for folder in run_folders(runs_dir)]
         matches = [name for name in names if name.startswith(run) or name.endswith(run)]
         if len(matches) != 1:
             found = "no run" if not matches else f"{len(matches)} runs"
@@ -83,6 +83,16 @@ class RunFolder:
                 f"{found} in {runs_dir} match {run!r}; there are: {names[-5:] or 'none'}"
             )
         return cls(runs_dir / matches[0])
+
+    def is_complete(self) -> bool:
+        """Whether this is the folder of a run, and all that makes it one is there.
+
+        A folder that is being made or copied, whatever comes first, is not complete yet; nor is one that is
+        named in another spelling of a UUID, which would be the same run twice.
+        """
+        return is_run_id(self.path.name) and all(
+            (self.path / name).is_file() for name in ("config.json", "state.json")
+        )
 
     @property
     def run(self) -> UUID:
@@ -207,6 +217,22 @@ class RunFolder:
                 continue
             records[record["iteration"]] = record
         return [records[iteration] for iteration in sorted(records)]
+
+
+def run_folders(runs_dir: Path) -> Iterator[RunFolder]:
+    """The complete run folders in a directory, oldest first: their names sort by time."""
+    for path in sorted(runs_dir.iterdir()) if runs_dir.is_dir() else ():
+        folder = RunFolder(path)
+        if not path.is_symlink() and folder.is_complete():
+            yield folder
+
+
+def is_run_id(name: str) -> bool:
+    """Whether a name is a run's id, in the one spelling that counts."""
+    try:
+        return str(UUID(name)) == name
+    except ValueError:
+        return False
 
 
 def _lock(descriptor: int, kind: int) -> bool:
