@@ -146,10 +146,21 @@ class LeaseBook:
         }
         return asking - at_work
 
+    def learners(self) -> int:
+        """How many learners there are, at work or idle."""
+        at_work = {lease.worker for p, lease in self._leases.items() if p.role == "learner"}
+        return len(at_work | {who for who, (role, _) in self._asked.items() if role == "learner"})
+
+    def wanted(self, run: UUID) -> int:
+        """How many learners a run wants."""
+        demand = self._demands.get(run)
+        return 0 if demand is None else demand.learners
+
     def position(self, run: UUID) -> int:
-        """How many of the runs before this one in the queue have no learner yet, or lack one."""
+        """How many of the runs before this one in the queue lack a learner."""
+        rank = self._ranks.get(run, 0)
         return sum(
-            self._ranks[other.run] < self._ranks[run]
+            self._ranks[other.run] < rank
             and any(place not in self._leases for place in other.places("learner"))
             for other in self._demands.values()
         )
@@ -211,7 +222,7 @@ class LeaseBook:
         Slots are of no use before all learners are there, and a learner is of none where there are not as
         many as the run wants to share its updates.
         """
-        learners = self._learners()
+        learners = self.learners()
         for demand in self._demands.values():
             if (
                 demand.learners <= learners
@@ -219,11 +230,6 @@ class LeaseBook:
                 else all(place in self._leases for place in demand.places("learner"))
             ):
                 yield from (place for place in demand.places(role) if place not in self._leases)
-
-    def _learners(self) -> int:
-        """How many learners there are, at work or idle."""
-        at_work = {lease.worker for p, lease in self._leases.items() if p.role == "learner"}
-        return len(at_work | {who for who, (role, _) in self._asked.items() if role == "learner"})
 
     def _urgency(self, place: Place, label: str, now_s: float) -> tuple[int, int, int]:
         """Smaller is more urgent.
@@ -303,7 +309,7 @@ class LeaseBook:
         """Whether a learner that lacks others is wanted in an older run, or in any other if there are not
         enough learners for its own.
         """
-        too_few = self._learners() < self._demands[place.run].learners
+        too_few = self.learners() < self._demands[place.run].learners
         return any(
             too_few or self._ranks[vacancy.run] < self._ranks[place.run]
             for vacancy in self._vacant("learner")

@@ -27,6 +27,7 @@ class _Row:
 
     iteration: int
     count: int = 0
+    newest: str = ""
     by_worker: Counter[str] = field(default_factory=Counter)
     not_before_s: dict[str, float] = field(default_factory=dict)
 
@@ -70,6 +71,7 @@ class Setbacks:
         """
         row = _row(self._give_backs, place, iteration)
         row.count += 1
+        row.newest = f"{worker} gave it back: {reason}"
         row.by_worker[worker] += 1
         pause_s = min(_PAUSE_S * 2.0 ** (row.by_worker[worker] - 1), _PAUSE_AT_MOST_S)
         row.not_before_s[worker] = now_s + pause_s
@@ -85,6 +87,11 @@ class Setbacks:
         """Whether a place can be offered to a worker, or the worker has just given it back."""
         row = self._give_backs.get(place)
         return row is None or now_s >= row.not_before_s.get(worker, now_s)
+
+    def newest(self, place: Place) -> str:
+        """Who gave the place back last, and why; empty if nobody did."""
+        row = self._give_backs.get(place)
+        return "" if row is None else row.newest
 
     def served(self, place: Place) -> None:
         """Someone has worked there for long: what went before is no row any more."""
