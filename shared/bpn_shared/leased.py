@@ -35,11 +35,10 @@ _REFUSED_S, _REFUSED_AT_MOST_S = 1.0, 60.0
 
 
 class Lease(NamedTuple):
-    """A place, whether its silent owner is to be dispossessed, and what ends the work there."""
+    """A place, and what ends the work there."""
 
     run: UUID
     slot: int
-    take_over: bool
     stop: threading.Event
 
 
@@ -100,7 +99,7 @@ class LeaseLoop:
                 self._gave_back, refused_s = None, _REFUSED_S
                 if reply.run_id is not None:
                     process.waiting.done()
-                    return Lease(reply.run_id, reply.slot, reply.take_over, threading.Event())
+                    return Lease(reply.run_id, reply.slot, threading.Event())
                 pause_s = reply.retry_s
                 process.waiting.set("work: no run needs this worker now")
             except NoReplyError:
@@ -139,7 +138,7 @@ class LeaseLoop:
                 token = Token(bus, keys.lease(lease.run, process.kind, lease.slot, process.id))
                 with LogPublisher(bus, lease.run, name):
                     log.info("%s serves run %s, slot %d", process.id, lease.run, lease.slot)
-                    serve(process.at(lease.run, lease.slot, bus, lease.stop, lease.take_over))
+                    serve(process.at(lease.run, lease.slot, bus, lease.stop))
                 del token
         except ConfigError as error:
             reason = str(error)[:MAX_REASON]

@@ -85,6 +85,12 @@ class Watchdog:
         if report.kind not in _KINDS:
             return
         known = self._heard.get(report.worker)
+        if known is None and _is_first_learner(report):  # in another's place
+            self._heard = {
+                worker: heard
+                for worker, heard in self._heard.items()
+                if not _is_first_learner(heard.report)
+            }
         if known is None:
             self._heard[report.worker] = _Heard(report, now_s, report.counters)
             return
@@ -132,11 +138,12 @@ class Watchdog:
 
     def _reasons(self, now_s: float, around: Circumstances) -> Iterator[str]:
         learner = next((h for h in self._heard.values() if _is_first_learner(h.report)), None)
-        if learner is None:
-            if around.owner or around.queue:
-                yield around.owner or around.queue
-        elif now_s - learner.at_s > SILENT_AFTER_S:
+        if learner is not None and now_s - learner.at_s > SILENT_AFTER_S:
             yield f"its owner {learner.report.worker} is silent since {_time(learner.report)}"
+        if learner is None and around.owner:
+            yield around.owner
+        elif around.queue:
+            yield around.queue
         ordered = sorted(
             self._heard.values(), key=lambda h: (_KINDS.index(h.report.kind), h.report.slot or 0)
         )

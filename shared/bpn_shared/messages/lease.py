@@ -41,21 +41,12 @@ class LeaseRequest(Message):
 
 
 class LeaseReply(Message):
-    """registry -> worker: work on this (`lease`), or ask again after `retry_s` (`wait`).
-
-    Attributes:
-        take_over: of a learner's place: whoever still holds the run's folder is silent, and shall be
-            dispossessed.
-    """
-
-    SCHEMA = 2
-    OLDER_SCHEMAS = frozenset({1})
+    """registry -> worker: work on this (`lease`), or ask again after `retry_s` (`wait`)."""
 
     verdict: Literal["lease", "wait"]
     run: RunId | None = None
     slot: Count = 0
     retry_s: Annotated[float, Field(gt=0, le=60)] = 1.0
-    take_over: bool = False
 
     @property
     def run_id(self) -> UUID | None:

@@ -176,10 +176,6 @@ class RunFolder:
         with self._lock_path.open() as file:
             return not _lock(file.fileno(), fcntl.LOCK_SH)
 
-    def owner(self) -> str | None:
-        """Who owns the run now, as it said itself; None: nobody does."""
-        return self._lock_path.read_text() if self.is_owned() else None
-
     @property
     def _lock_path(self) -> Path:
         return self.path / ".lock"

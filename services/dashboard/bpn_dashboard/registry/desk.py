@@ -13,7 +13,7 @@ from uuid import UUID
 from pydantic import TypeAdapter
 
 from bpn_dashboard.database.tables import RunRow
-from bpn_dashboard.registry.admission import TAKE_OVER_S, admit
+from bpn_dashboard.registry.admission import admits
 from bpn_dashboard.registry.circumstances import around
 from bpn_dashboard.registry.leases import Demand, LeaseBook, Place
 from bpn_dashboard.registry.losses import Loss, Losses
@@ -61,7 +61,6 @@ class LeaseDesk:
         self._book, self._losses, self._setbacks = LeaseBook(), Losses(), Setbacks()
         self._refusals = Refusals()
         self._alive: set[str] = set()
-        self._departed: dict[UUID, tuple[str, float]] = {}  # learners of rank 0, and since when
         self._iterations: dict[str, int] = {}  # of runs that are wanted
         self._given_up: dict[str, str] = {}
         self._router = ""
@@ -90,21 +89,16 @@ class LeaseDesk:
         with self._lock:
             if appeared:
                 self._book.appeared(place, worker, now_s)
-                if place == place.learner:
-                    self._departed.pop(place.run, None)
             else:
                 self._leave(place, worker, now_s)
         self._news()
 
     def _leave(self, place: Place, worker: str, now_s: float) -> None:
-        held = self._book.holder(place) == worker
-        if held and self._book.held_s(place, now_s) > SERVED_S:
+        if self._book.holder(place) == worker and self._book.held_s(place, now_s) > SERVED_S:
             self._setbacks.served(place)
         self._book.vanished(place, worker, now_s)
         if place.role == "learner":
             self._losses.lost(place.run, worker, now_s)
-        if held and place == place.learner:
-            self._departed[place.run] = worker, now_s
 
     def on_router(self, router: str) -> None:
         """Which router is reached now: after another one, or none, tokens have to come back first."""
@@ -113,7 +107,6 @@ class LeaseDesk:
                 self._router = router
                 self._book.quiet(time.monotonic() + SETTLE_S)
                 self._losses.clear()  # it was the router that they lost
-                self._departed.clear()
 
     def answer(self, body: bytes) -> bytes:
         """Answers a worker that asks for work.
@@ -133,27 +126,21 @@ class LeaseDesk:
             self._take_back(asked, now_s)
             places = [p for p in places if self._may_offer(p, asked.worker, now_s)]
         for place in places:
-            if (reply := self._try(place, asked.worker, now_s)) is not None:
+            if self._grant(place, asked.worker):
+                reply = LeaseReply(verdict="lease", run=str(place.run), slot=place.slot)
                 return reply.encode()
         return LeaseReply(verdict="wait", retry_s=RETRY_S).encode()
 
-    def _try(self, place: Place, worker: str, now_s: float) -> LeaseReply | None:
+    def _grant(self, place: Place, worker: str) -> bool:
         with self._lock:
             led = self._book.is_confirmed(place.learner)
-            departed, since_s = self._departed.get(place.run, ("", now_s))
-        silent = departed if now_s - since_s >= TAKE_OVER_S else None
-        verdict = admit(self._folder(str(place.run)), place, led=led, silent=silent)
-        if verdict == "no":
-            return None
+        if not admits(self._folder(str(place.run)), place, led=led):
+            return False
         with self._lock:
-            if not self._book.grant(place, worker, time.monotonic()):
-                return None
-        log.info("%s gets %s %d of run %s", worker, place.role, place.slot, place.run)
-        take_over = verdict == "take over"
-        if take_over:
-            log.warning("%s takes run %s over from %s, which is silent", worker, place.run, silent)
-        run = str(place.run)
-        return LeaseReply(verdict="lease", run=run, slot=place.slot, take_over=take_over)
+            granted = self._book.grant(place, worker, time.monotonic())
+        if granted:
+            log.info("%s gets %s %d of run %s", worker, place.role, place.slot, place.run)
+        return granted
 
     def _take_back(self, asked: LeaseRequest, now_s: float) -> None:
         """Notes that a worker could not use its last place."""
@@ -236,11 +223,9 @@ class LeaseDesk:
 
     def forget(self, run_id: str) -> None:
         """The run is over."""
-        run = UUID(run_id)
         with self._lock:
             self._given_up.pop(run_id, None)
-            self._departed.pop(run, None)
-            self._setbacks.forget(run)
+            self._setbacks.forget(UUID(run_id))
 
     def to_release(self, now_s: float) -> list[tuple[Place, str]]:
         """The leases that shall end."""
@@ -266,13 +251,11 @@ class LeaseDesk:
             confirmed = [place for place in places if self._book.is_confirmed(place)]
             return [(place, str(self._book.holder(place))) for place in confirmed]
 
-    def depose(self, place: Place, worker: str, silent_s: float) -> None:
+    def depose(self, place: Place, worker: str) -> None:
         """Gives a learner's place free although its token is there: it does not answer."""
-        now_s = time.monotonic()
         with self._lock:
             if self._book.holder(place) == worker:
-                self._book.depose(place, now_s)
-                self._departed[place.run] = worker, now_s - silent_s
+                self._book.depose(place, time.monotonic())
 
     def around(
         self, owners: dict[str, str | None], router: str, disk: str

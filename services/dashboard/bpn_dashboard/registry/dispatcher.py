@@ -10,7 +10,7 @@ import time
 from collections.abc import Iterable, Mapping, Sequence
 
 from bpn_dashboard.database.tables import RunRow
-from bpn_dashboard.registry.admission import TAKE_OVER_S, recorded
+from bpn_dashboard.registry.admission import recorded
 from bpn_dashboard.registry.desk import LeaseDesk
 from bpn_dashboard.registry.leases import Place
 from bpn_dashboard.registry.observer import Observer
@@ -34,6 +34,8 @@ ADOPT_S = 5.0
 STALLS_S = 1.0
 _NOT_OVER = ("queued", "running", "stopping", "stopped", "lost")
 _PROBE_S, _PROBE_AGAIN_S = 2.0, 10.0
+_SILENT_S = 45.0
+"""A learner that says nothing for so long, though its token is there, loses its place to an idle one."""
 _SERVED_WITHIN_S = 15.0
 """A round reads folders, which may be slow; longer, and something is wrong."""
 _LEAST_FREE_BYTES = 64 * 1024 * 1024
@@ -205,20 +207,20 @@ class Dispatcher:
 
     def _observe_stalls(self, now_s: float) -> None:
         self._stalls.read()
-        owners = {run_id: self._elsewhere(run_id) for run_id in self._rows}
-        # One whose token is gone while it holds the folder may be frozen, and is spoken of as silent.
-        for worker in self._stalls.workers() - self._desk.alive() - set(owners.values()):
+        # An owner whose token is gone may be frozen or cut off, and is spoken of as silent.
+        owners = {observer.owner for observer in self._observers.values()}
+        for worker in self._stalls.workers() - self._desk.alive() - owners:
             self._stalls.gone(worker)
+        elsewhere = {
+            run_id: observer.owner if (observer := self._observers.get(run_id)) is not None
+            and observer.elsewhere else None for run_id in self._rows
+        }  # fmt: skip
         connected = self._bus.connected
         router = "" if connected else f"the router at {self._bus.endpoint} is not reached"
-        known = self._desk.around(owners, router, self._disk())
+        known = self._desk.around(elsewhere, router, self._disk())
         self._store_seen(
-            {run: self._stalls.columns(self._rows[run], known[run], now_s) for run in owners}
+            {run: self._stalls.columns(self._rows[run], known[run], now_s) for run in known}
         )
-
-    def _elsewhere(self, run_id: str) -> str | None:
-        observer = self._observers.get(run_id)
-        return None if observer is None else observer.elsewhere
 
     def _disk(self) -> str:
         try:
@@ -233,10 +235,10 @@ class Dispatcher:
         """Gives up learners that have a token and say nothing, where another could take their place."""
         for place, worker in self._desk.replaceable(now_s):
             silent_s = self._stalls.silent_s(place.run, worker, now_s)
-            if silent_s is None or silent_s < TAKE_OVER_S or self._answers(worker, now_s):
+            if silent_s is None or silent_s < _SILENT_S or self._answers(worker, now_s):
                 continue
             log.warning("learner %s of run %s is silent for %.0f s", worker, place.run, silent_s)
-            self._desk.depose(place, worker, silent_s)
+            self._desk.depose(place, worker)
 
     def _answers(self, worker: str, now_s: float) -> bool:
         """Whether a silent learner answers for its health; true as well if it was asked just now."""

@@ -17,7 +17,8 @@ class Observer:
     """Watches one run's folder.
 
     Attributes:
-        elsewhere: who owned the run at the last look although no worker of ours did.
+        owner: whose attempt it was at the last look, if one was running.
+        elsewhere: somebody owned the run then, and it was no worker of ours.
     """
 
     def __init__(self, folder: RunFolder) -> None:
@@ -25,7 +26,8 @@ class Observer:
         self._progress = Progress(folder)
         self._owned_s = time.monotonic()
         self._trouble = ""
-        self.elsewhere: str | None = None
+        self.owner = ""
+        self.elsewhere = False
 
     def iteration(self) -> int:
         """How many iterations are done."""
@@ -48,14 +50,14 @@ class Observer:
         try:
             recorded = self._folder.state()
             over = recorded.state in OVER
-            self.elsewhere = None if owned or over else self._folder.owner()
-            elsewhere = self.elsewhere is not None
-            if owned or elsewhere:
+            self.owner = recorded.owner if recorded.state == "running" else ""
+            self.elsewhere = not owned and not over and self._folder.is_owned()
+            if owned or self.elsewhere:
                 self._owned_s = now_s
             elif record and not over and give_up is not None:
-                recorded = self._record("failed", give_up)
+                recorded = self._folder.settle("failed", error=give_up, by="the registry")
             elif record and recorded.state == "running" and row.desired_state == "stopped":
-                recorded = self._record("stopped")
+                recorded = self._folder.settle("stopped", by="the registry")
             progress = self._progress.read()
         except RunOwnedError:  # just now; the next look sees it
             return {}
@@ -66,7 +68,7 @@ class Observer:
             recorded.state,
             "running" if row.desired_state == "running" else "stopped",
             owned=owned,
-            elsewhere=elsewhere,
+            elsewhere=self.elsewhere,
             unowned_s=now_s - self._owned_s,
         )
         seen = {"state": state, "attempt": recorded.attempt, "error": recorded.error}
@@ -80,7 +82,3 @@ class Observer:
             log.warning("run %s cannot be observed: %s", row.id, trouble, exc_info=not expected)
             self._trouble = trouble
         return trouble
-
-    def _record(self, state: Any, error: str = "") -> Any:
-        with self._folder.owned("the registry", patience_s=0.0):
-            return self._folder.set_state(state, error=error)
