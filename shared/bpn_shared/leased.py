@@ -11,12 +11,12 @@ from typing import NamedTuple
 from uuid import UUID
 
 from bpn_shared import keys
+from bpn_shared.backoff import Backoff
 from bpn_shared.bus.liveliness import Token
 from bpn_shared.bus.logs import LogPublisher
-from bpn_shared.bus.requests import NoReplyError, RefusedError, Responder, request
+from bpn_shared.bus.requests import Responder
 from bpn_shared.bus.session import Bus, BusError
 from bpn_shared.config import ConfigError
-from bpn_shared.messages.base import MessageError
 from bpn_shared.messages.control import MAX_REASON
 from bpn_shared.messages.lease import GiveBack, LeaseReply, LeaseRequest, Release, ReleaseReply
 from bpn_shared.runs.folder import RunOwnedError
@@ -26,12 +26,10 @@ from bpn_shared.worker import EXIT_FINISHED, Serve, WorkerProcess, service_name
 
 log = logging.getLogger(__name__)
 
-_ASK_TIMEOUT_S = 2.0
-_NO_REGISTRY_S = 0.5
 _GIVEN_BACK_S = 1.0
 """Pause before the next question after a lease that the worker could not use."""
 _REFUSED_S, _REFUSED_AT_MOST_S = 1.0, 60.0
-"""Pause after a refusal, which doubles with each in a row: what refuses one worker seldom changes soon."""
+"""Pauses after refusals in a row: what refuses a worker seldom changes soon."""
 
 
 class Lease(NamedTuple):
@@ -54,6 +52,7 @@ class LeaseLoop:
         self._lock = threading.Lock()
         self._lease: Lease | None = None
         self._gave_back: GiveBack | None = None  # until the registry knows
+        self._refused = Backoff(_REFUSED_S, _REFUSED_AT_MOST_S)
 
     def run(self, serve: Serve) -> int:
         """Works until the process is stopped."""
@@ -91,39 +90,39 @@ class LeaseLoop:
     def _next(self) -> Lease | None:
         """The next lease; None if the process was stopped."""
         process = self._process
-        refused_s = _REFUSED_S
         while not process.stop.is_set():
-            pause_s = _NO_REGISTRY_S
-            try:
-                reply = LeaseReply.decode(self._ask())
-                self._gave_back, refused_s = None, _REFUSED_S
-                if reply.run_id is not None:
-                    process.waiting.done()
-                    return Lease(reply.run_id, reply.slot, threading.Event())
-                pause_s = reply.retry_s
-                process.waiting.set("work: no run needs this worker now")
-            except NoReplyError:
-                process.waiting.set("the registry to give work")
-            except (RefusedError, MessageError) as error:
-                process.counters.refuse("leases_refused", f"asking the registry for work: {error}")
-                process.waiting.set(f"the registry, which refuses this worker: {error}")
-                pause_s, refused_s = refused_s, min(2 * refused_s, _REFUSED_AT_MOST_S)
-            process.stop.wait(pause_s)
+            asked = LeaseRequest(
+                role=process.kind,
+                worker=process.id,
+                label=self._label,
+                version=VERSION,
+                protocol=PROTOCOL,
+                gave_back=self._gave_back,
+            )
+            reply = process.ask(
+                keys.lease_request(),
+                asked.encode(),
+                LeaseReply.decode,
+                waiting_for="the registry to give work",
+                refused_as="leases_refused",
+                on_refusal=self._on_refusal,
+            )
+            if reply is None:
+                break
+            self._gave_back = None
+            self._refused.reset()
+            if reply.run_id is not None:
+                process.waiting.done()
+                return Lease(reply.run_id, reply.slot, threading.Event())
+            process.waiting.set("work: no run needs this worker now")
+            process.stop.wait(reply.retry_s)
         return None
 
-    def _ask(self) -> bytes:
+    def _on_refusal(self, reason: str) -> None:
         process = self._process
-        asked = LeaseRequest(
-            role=process.kind,
-            worker=process.id,
-            label=self._label,
-            version=VERSION,
-            protocol=PROTOCOL,
-            gave_back=self._gave_back,
-        )
-        return request(
-            process.bus, keys.lease_request(), asked.encode(), timeout_s=_ASK_TIMEOUT_S
-        )
+        process.counters.refuse("leases_refused", f"asking the registry for work: {reason}")
+        process.waiting.set(f"the registry, which refuses this worker: {reason}")
+        process.stop.wait(self._refused.next_s())
 
     def _work(self, lease: Lease, serve: Serve) -> None:
         process = self._process

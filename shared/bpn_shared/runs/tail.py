@@ -5,10 +5,11 @@ replaced, cut or written anew is read from its beginning, and the reader is told
 """
 
 import os
-import stat
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import BinaryIO, NamedTuple, TypeVar
+
+from bpn_shared.runs.opening import open_file
 
 READ_BYTES = 4 * 1024 * 1024
 _INODES = 2**63  # databases have no unsigned integers
@@ -41,7 +42,9 @@ class Growth(NamedTuple):
         return [line for line in self.data.split(b"\n") if line]
 
 
-def read_on(path: Path, position: Position | None, limit: int = READ_BYTES) -> Growth:
+def read_on(
+    path: Path, position: Position | None, limit: int = READ_BYTES, *, root: Path | None = None
+) -> Growth:
     """The whole lines after a position, or from the beginning of a file that is another one.
 
     A last line without its newline is still being written, and left for the next time. Of a line of more than
@@ -50,19 +53,19 @@ def read_on(path: Path, position: Position | None, limit: int = READ_BYTES) -> G
     Args:
         position: where the last `read_on` ended; None: at the beginning.
         limit: bytes to read at once; as long as `data` is not empty there may be more.
+        root: a directory above the file, between which and the file no link is followed either; its own
+            directory if there is none.
 
     Raises:
         OSError: what stands there cannot be read, or is no regular file (links are not followed).
     """
+    root = root or path.parent
     try:
-        descriptor = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC)
+        opened = open_file(root, path.relative_to(root))
     except FileNotFoundError:
         return Growth(b"", position, is_new=False, offset=position.offset if position else 0)
-    status = os.fstat(descriptor)
-    if not stat.S_ISREG(status.st_mode):
-        os.close(descriptor)
-        raise OSError(f"{path} is no regular file")
-    with os.fdopen(descriptor, "rb") as file:
+    with opened as file:
+        status = os.fstat(file.fileno())
         inode = status.st_ino % _INODES
         is_new = position is not None and not _goes_on(file, position, inode, status.st_size)
         begin = 0 if position is None or is_new else position.offset
@@ -100,10 +103,13 @@ class Tail:
 
     Args:
         position: where to begin; None: at the beginning.
+        root: as of `read_on`.
     """
 
-    def __init__(self, path: Path, position: Position | None = None) -> None:
-        self.path, self.position = path, position
+    def __init__(
+        self, path: Path, position: Position | None = None, *, root: Path | None = None
+    ) -> None:
+        self.path, self.position, self._root = path, position, root
 
     def read(self, limit: int = READ_BYTES) -> Growth:
         """What was added since the last call.
@@ -111,7 +117,7 @@ class Tail:
         Raises:
             OSError: as `read_on`; the next call tries again.
         """
-        growth = read_on(self.path, self.position, limit)
+        growth = read_on(self.path, self.position, limit, root=self._root)
         self.position = growth.position
         return growth
 

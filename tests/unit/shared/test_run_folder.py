@@ -39,12 +39,12 @@ def test_the_configuration_is_kept(folder: RunFolder) -> None:
 def test_a_run_that_is_seen_has_all_its_files(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def slowly(path: Path, data: bytes) -> None:
+    def slowly(path: Path, data: bytes, *, root: Path) -> None:
         for name in ("config.json", "state.json"):  # before each file, and after it
             for config in tmp_path.glob("*/config.json"):
                 RunFolder(config.parent).state()
             if path.name == name:
-                write_atomically(path, data)
+                write_atomically(path, data, root=root)
 
     monkeypatch.setattr("bpn_shared.runs.folder.write_atomically", slowly)
     made = RunFolder.create(tmp_path, UUID(int=1), RunConfig.for_task("reaching"))
