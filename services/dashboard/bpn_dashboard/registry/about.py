@@ -3,10 +3,12 @@
 The database has the same; this copy lets it be rebuilt. The registry alone writes it.
 """
 
+import contextlib
+import json
 from pathlib import Path
 from typing import Annotated, Any, Self
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 
 from bpn_dashboard.database.tables import RunRow, SweepRow
 from bpn_dashboard.registry.states import DesiredState
@@ -16,12 +18,13 @@ from bpn_shared.runs.folder import RunFolder
 
 SWEEPS = "sweeps"
 """Folder of the sweeps' files, beside the run folders."""
+_OBJECT: TypeAdapter[dict[str, Any]] = TypeAdapter(dict[str, Any])
 
 
 class About(BaseModel):
-    """The mirrored columns of `RunRow`."""
+    """The mirrored columns of `RunRow`. What another version wrote beside them stays in the file."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid", from_attributes=True)
+    model_config = ConfigDict(frozen=True, extra="ignore", from_attributes=True)
 
     name: str = ""
     notes: str = ""
@@ -47,11 +50,17 @@ class About(BaseModel):
         except (OSError, ValidationError) as error:
             raise ConfigError(f"{path}: {error}") from error
 
+    def columns(self) -> dict[str, Any]:
+        """The columns but for the name, which may be left to be made up."""
+        return self.model_dump(exclude={"name"})
+
     @classmethod
     def write(cls, folder: RunFolder, row: RunRow) -> None:
         """Mirrors the row."""
-        about = cls.model_validate(row)
-        write_atomically(_path(folder), about.model_dump_json(indent=2).encode())
+        about = cls.model_validate(row).model_dump()
+        with contextlib.suppress(OSError, ValidationError):
+            about = _OBJECT.validate_json(_path(folder).read_bytes()) | about
+        write_atomically(_path(folder), json.dumps(about, indent=2).encode())
 
 
 class SweepFile(BaseModel):
