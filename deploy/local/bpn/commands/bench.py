@@ -8,7 +8,7 @@ from typing import Any
 from bpn_shared.config import ConfigError
 
 
-def add_options(parser: argparse.ArgumentParser) -> None:
+def add_options(parser: argparse.ArgumentParser, _arguments: Sequence[str]) -> None:
     parser.add_argument("what", choices=("kernel", "learner", "learners", "loop", "dashboard"))
     parser.add_argument("--json", action="store_true", help="print one JSON object")
     parser.add_argument(

@@ -11,7 +11,7 @@ from bpn_dashboard.registry.store import RunStore
 from bpn_shared.config import ConfigError
 
 
-def add_options(parser: argparse.ArgumentParser) -> None:
+def add_options(parser: argparse.ArgumentParser, _arguments: Sequence[str]) -> None:
     actions = parser.add_subparsers(required=True, metavar="ACTION")
     action = actions.add_parser(
         "reindex",

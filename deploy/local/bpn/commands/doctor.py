@@ -14,7 +14,7 @@ from bpn_edge.kernel import native
 from bpn_shared.bus.session import DEFAULT_ENDPOINT
 
 
-def add_options(parser: argparse.ArgumentParser) -> None:
+def add_options(parser: argparse.ArgumentParser, _arguments: Sequence[str]) -> None:
     parser.add_argument("--json", action="store_true", help="print one JSON object")
     parser.set_defaults(run=run)
 

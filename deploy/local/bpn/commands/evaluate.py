@@ -18,7 +18,7 @@ from bpn_shared.service import stop_on_signals
 from bpn_shared.weights import Weights, decode_weights
 
 
-def add_options(parser: argparse.ArgumentParser) -> None:
+def add_options(parser: argparse.ArgumentParser, _arguments: Sequence[str]) -> None:
     parser.add_argument("run_id", metavar="RUN", help="id of the run, or its beginning or end")
     parser.add_argument("--trials", type=int, default=10, help="episodes (default 10)")
     parser.add_argument(

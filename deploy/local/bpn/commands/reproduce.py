@@ -19,7 +19,7 @@ _RESULTS = Path("docs/results")
 NAMES = ("reaching", "tracking", "heatmap", "pan-tilt", "inference", "latency", "cartpole")
 
 
-def add_options(parser: argparse.ArgumentParser) -> None:
+def add_options(parser: argparse.ArgumentParser, _arguments: Sequence[str]) -> None:
     parser.add_argument("target", metavar="TARGET", choices=NAMES, help=", ".join(NAMES))
     parser.add_argument("--seeds", type=int, help="runs of each configuration (default 5; quick 2)")
     parser.add_argument("--jobs", type=int, default=1, help="runs side by side (default 1)")

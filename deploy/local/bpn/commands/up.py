@@ -20,7 +20,7 @@ _CHECK_S = 0.05
 _LOOK_S = 0.5
 
 
-def add_options(parser: argparse.ArgumentParser) -> None:
+def add_options(parser: argparse.ArgumentParser, _arguments: Sequence[str]) -> None:
     for name, default in (("learners", "1"), ("robots", "as learners"), ("edges", "as robots")):
         parser.add_argument(
             f"--{name}", type=int, metavar="N", help=f"how many {name} (default {default})"

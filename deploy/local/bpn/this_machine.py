@@ -1,0 +1,60 @@
+"""This machine as the place where a run is done: what is missing is said before a run is made."""
+
+from importlib.util import find_spec
+
+from bpn.terminal import stdout_for_results
+from bpn_shared.config import ConfigError, RunConfig
+from bpn_shared.tasks import is_gym
+
+
+class ThisMachine:
+    """A `Workplace` that has all services in processes of its own."""
+
+    def actions_of(self, task: str) -> int:
+        """See `Workplace.actions_of`; what the environment prints goes to standard error."""
+        from bpn_robot_sim.robot import gym_actions  # noqa: PLC0415 - it takes seconds to load
+
+        with stdout_for_results():
+            return gym_actions(task)
+
+    def check(self, config: RunConfig) -> None:
+        """See `Workplace.check`: kernel, GPU, TensorBoard, and OpenGL where MuJoCo renders."""
+        _check_kernel(config)
+        _check_learner(config)
+        if not is_gym(config.task):
+            check_rendering(config.task)
+
+
+def check_rendering(task: str) -> None:
+    """Makes a robot of the task and renders it once.
+
+    Raises:
+        ConfigError: it cannot be rendered here; the message says what to install or to set.
+    """
+    try:
+        # An OpenGL back end that is named but not there fails already here.
+        from bpn_robot_sim.robot import make_robot  # noqa: PLC0415
+
+        with stdout_for_results():
+            make_robot(task).close()
+    except (ImportError, RuntimeError, OSError) as error:
+        raise ConfigError(f"task {task!r} cannot be simulated here: {error}") from error
+
+
+def _check_kernel(config: RunConfig) -> None:
+    from bpn_edge.kernel import load  # noqa: PLC0415 - it takes a second to load
+
+    load(config.kernel)
+
+
+def _check_learner(config: RunConfig) -> None:
+    if config.tensorboard and find_spec("tensorboard") is None:
+        raise ConfigError(
+            "tensorboard = True needs tensorboard, which is not installed: "
+            "pip install 'bpn-learner[tensorboard]'"
+        )
+    if config.device == "cuda":
+        from torch.cuda import is_available  # noqa: PLC0415 - it takes seconds to load
+
+        if not is_available():
+            raise ConfigError("device = 'cuda': torch finds no GPU on this machine; choose cpu")
