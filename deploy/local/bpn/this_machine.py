@@ -19,8 +19,18 @@ class ThisMachine:
 
     def check(self, config: RunConfig) -> None:
         """See `Workplace.check`: kernel, GPU, TensorBoard, and OpenGL where MuJoCo renders."""
-        _check_kernel(config)
         _check_learner(config)
+        self.check_playing(config)
+
+    def check_playing(self, config: RunConfig) -> None:
+        """Refuses what robots and edges of this machine cannot do, whatever the learner needs.
+
+        Raises:
+            ConfigError: something is missing; the message names it and the remedy.
+        """
+        from bpn_edge.kernel import load  # noqa: PLC0415 - it takes a second to load
+
+        load(config.kernel)
         if not is_gym(config.task):
             check_rendering(config.task)
 
@@ -39,12 +49,6 @@ def check_rendering(task: str) -> None:
             make_robot(task).close()
     except (ImportError, RuntimeError, OSError) as error:
         raise ConfigError(f"task {task!r} cannot be simulated here: {error}") from error
-
-
-def _check_kernel(config: RunConfig) -> None:
-    from bpn_edge.kernel import load  # noqa: PLC0415 - it takes a second to load
-
-    load(config.kernel)
 
 
 def _check_learner(config: RunConfig) -> None:

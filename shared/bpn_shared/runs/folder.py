@@ -30,6 +30,9 @@ from bpn_shared.weights import Weights, decode_weights
 State = Literal["queued", "running", "stopping", "finished", "failed", "stopped", "lost"]
 
 
+_MOST_LISTED = 5
+
+
 class RunState(BaseModel):
     """What a run is doing, and how many learners have owned it (`attempt`)."""
 
@@ -77,10 +80,13 @@ class RunFolder:
         """
         names = [path.parent.name for path in sorted(runs_dir.glob("*/config.json"))]
         matches = [name for name in names if name.startswith(run) or name.endswith(run)]
-        if len(matches) != 1:
-            found = "no run" if not matches else f"{len(matches)} runs"
+        if not matches:
+            there = f"the newest are: {_listed(names)}" if names else "there are none"
+            raise ConfigError(f"no run in {runs_dir} matches {run!r}; {there}")
+        if len(matches) > 1:
             raise ConfigError(
-                f"{found} in {runs_dir} match {run!r}; there are: {names[-5:] or 'none'}"
+                f"{len(matches)} runs in {runs_dir} match {run!r}: {_listed(matches)}; give more of the id's end, "
+                "since ids of one time begin alike"
             )
         return cls(runs_dir / matches[0])
 
@@ -207,6 +213,14 @@ class RunFolder:
                 continue
             records[record["iteration"]] = record
         return [records[iteration] for iteration in sorted(records)]
+
+
+def _listed(names: Sequence[str]) -> str:
+    """The newest of some runs."""
+    newest = names[-_MOST_LISTED:]
+    return ", ".join(newest) + (
+        f" and {len(names) - len(newest)} more" if len(names) > len(newest) else ""
+    )
 
 
 def _lock(descriptor: int, kind: int) -> bool:
