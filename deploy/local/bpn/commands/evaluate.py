@@ -34,8 +34,8 @@ def add_options(parser: argparse.ArgumentParser, _arguments: Sequence[str]) -> N
         "--policy",
         choices=get_args(PlayedPolicy),
         default="greedy",
-        help="the best action; drawn from the outputs' softmax, as bpn, cvi and dpp train (bqn and dqn do not); or "
-        "any (default greedy)",
+        help="the best action; drawn from the outputs' softmax, as bpn, cvi and dpp train (bqn and dqn do "
+        "not); or any (default greedy)",
     )
     parser.add_argument("--version", type=int, help="weights version (default: the newest)")
     parser.add_argument("--seed", type=int, help="of starts and draws (default: the run's)")
