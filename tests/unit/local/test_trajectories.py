@@ -5,7 +5,8 @@ import pytest
 
 from bpn.evaluation import plot, trajectories
 from bpn_robot_sim.robot import Robot, make_robot
-from bpn_shared.errors import InputError, RunConfig
+from bpn_shared.config import RunConfig
+from bpn_shared.errors import InputError
 from bpn_shared.messages.episode import Episode, EpisodeMeta
 from bpn_shared.tasks import task_named
 
