@@ -40,6 +40,11 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         "--quick", action="store_true", help="a tiny version, to see that everything works"
     )
     parser.add_argument(
+        "--redraw",
+        action="store_true",
+        help="only the plot and the page, from the results that are there",
+    )
+    parser.add_argument(
         "--out", type=Path, help="for the results (default docs/results; quick: RUNS_DIR/quick)"
     )
     parser.add_argument(
@@ -58,6 +63,9 @@ def run(options: argparse.Namespace) -> int:
         if value is not None and value < 1:
             raise ConfigError(f"--{name} = {value} must be at least 1")
     making: Any = optional.load("bpn.reproduce.making", extra="media", wanted_by="`bpn reproduce`")
+    out_dir = options.out or (options.runs_dir / "quick" if options.quick else _RESULTS)
+    if options.redraw:
+        return int(making.redraw(options.target, out_dir, Console()))
     return int(
         making.make(
             options.target,
@@ -67,7 +75,7 @@ def run(options: argparse.Namespace) -> int:
             iterations=options.iterations,
             quick=options.quick,
             jobs=options.jobs,
-            out_dir=options.out or (options.runs_dir / "quick" if options.quick else _RESULTS),
+            out_dir=out_dir,
             runs_dir=options.runs_dir,
             command=_command(options),
             stop=stop_on_signals(),

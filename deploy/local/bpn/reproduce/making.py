@@ -66,6 +66,18 @@ def make(
     return 0
 
 
+def redraw(name: str, out_dir: Path, out: Console) -> int:
+    """Makes a target's plot and page anew from its document, without any run.
+
+    Raises:
+        ConfigError: there is no document.
+    """
+    target = TARGETS[name]
+    for path in report.redraw(target, report.read(target, out_dir), out_dir):
+        out.print(f"wrote {path}", highlight=False, soft_wrap=True)
+    return 0
+
+
 def _chosen(target: Target, algorithms: Sequence[str] | None) -> tuple[str, ...]:
     if algorithms is None or not target.algorithms:
         return target.algorithms
