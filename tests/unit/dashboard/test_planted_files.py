@@ -31,13 +31,13 @@ FOLDERS = ("logs", "weights", "exports", "episodes")
 
 def fill(folder: RunFolder, word: str) -> None:
     """Every file that a run has, each with a word by which it is known again."""
-    config = RunConfig.for_task("reaching", episodes=1, steps=2, nodes=8)
+    config = RunConfig.for_task("reaching", episodes=1, steps=2, nodes=8, seed=len(word))
     line = f"2026-11-22T08:00:00.000Z learner INFO {word}\n"
-    blob = WeightBlob.random(config.network, np.random.default_rng(0))
+    blob = WeightBlob.random(config.network, np.random.default_rng(len(word)))
     episode = Episode(
         meta=EpisodeMeta(
             iteration=0, episode=0, seed=1, slot=0, worker=word, weights_attempt=1,
-            weights_version=0, failed=False, deadline_misses=0, duration_ns=5,
+            weights_version=0, terminated=False, deadline_misses=0, duration_ns=5,
         ),
         frames=np.zeros((3, 1, 84, 84), np.uint8),
         actions=np.zeros(2, np.uint8),
@@ -54,7 +54,7 @@ def fill(folder: RunFolder, word: str) -> None:
         "rewards.jsonl": b'{"iteration": 0, "rewards_px": [[-77.5, -77.5]]}\n',
         "checkpoint.safetensors": word.encode(),
         "logs/learner.log": line.encode(),
-        "weights/000000.bpnw": blob.encode() + word.encode(),
+        "weights/000000.bpnw": blob.encode(),
         "exports/policy.onnx": word.encode(),
         "episodes/000000-00000.bpne": episode.encode(),
     }
@@ -92,13 +92,15 @@ def routes(run_id: str) -> list[str]:
 
 def check_nothing_leaks(client, planted, context) -> None:
     context.ingest.poll()
-    context.runs.adopt()
+    context.runs.index.adopt()
+    stolen = [(planted.elsewhere.path / name).read_bytes() for name in FILES]
     for url in routes(planted.id):
         answer = client.get(url)
         assert answer.status_code < 500, (url, answer.text)
         assert SECRET.encode() not in answer.content, url
+        assert answer.content not in stolen, url
         assert b"-77.5" not in answer.content or planted.folder.has("metrics.jsonl"), url
-    entries = LogTail(planted.folder.logs).new_entries()
+    entries = LogTail(planted.folder.logs, planted.folder.path.parent).new_entries()
     assert SECRET not in str(entries)
     body = {"runs": [planted.id], "metrics": [SECRET]}
     (curve,) = client.post("/api/v1/series/query", json=body).json()["series"]
@@ -112,7 +114,7 @@ def test_a_run_without_links_is_served(client, planted, context) -> None:
         if "export" not in url:
             assert client.get(url).status_code == 200 or "frames" in url, url
     assert b"our-own" in client.get(f"/api/v1/runs/{planted.id}/logs").content
-    assert len(LogTail(planted.folder.logs).new_entries()) == 1
+    assert len(LogTail(planted.folder.logs, planted.folder.path.parent).new_entries()) == 1
 
 
 @pytest.mark.parametrize("name", FILES)
@@ -156,7 +158,7 @@ def test_a_linked_sweep_is_not_read(planted, store) -> None:
     elsewhere = planted.elsewhere.path / "sweep.json"
     elsewhere.write_text(json.dumps(sweep))
     (sweeps / f"{UUID(int=9)}.json").symlink_to(elsewhere)
-    assert store.rebuild().sweeps == 0
+    assert store.index.rebuild().sweeps == 0
 
 
 @pytest.mark.parametrize("name", ["about.json", "about.json.new", "state.json", "state.json.new"])

@@ -81,9 +81,7 @@ def download_artefact(_who: Viewer, parts: Parts, request: Request, artefact_id:
     raise ApiError(404, "unknown-artefact", "the run has no such artefact")
 
 
-def _artefacts(
-    folder: RunFolder, only: str | None = None
-) -> Iterator[tuple[Artefact, BinaryIO]]:
+def _artefacts(folder: RunFolder, only: str | None = None) -> Iterator[tuple[Artefact, BinaryIO]]:
     """The run's artefacts, each with its file, which the caller closes."""
     for kind, (place, pattern) in _PLACES.items():
         for name in folder.file_names(place):

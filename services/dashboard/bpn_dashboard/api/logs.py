@@ -128,7 +128,7 @@ def _entries(service: str, file: BinaryIO, end: int) -> Iterator[_Entry]:
             following.append(text)
             continue
         time_unix_s = time_unix_s if line.time_unix_s is None else line.time_unix_s
-        message = "\n".join([line.message, *reversed(following)])
+        message = "\n".join([line.message, *reversed(following)])[:_MAX_LINE_BYTES]
         following.clear()
         yield _Entry(service, begin, time_unix_s, line._replace(message=message))
 
@@ -140,7 +140,7 @@ def _lines_backwards(file: BinaryIO, end: int) -> Iterator[tuple[int, bytes]]:
         begin = max(0, end - _BLOCK_BYTES)
         file.seek(begin)
         data = file.read(end - begin) + rest
-        cut = data.find(b"\n") + 1 if begin > 0 else 0
+        cut = (data.find(b"\n") + 1 or len(data)) if begin > 0 else 0
         position = begin + len(data) + left_out
         for line in reversed(data[cut:].split(b"\n")):
             position -= len(line) + left_out

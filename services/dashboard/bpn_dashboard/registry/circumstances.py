@@ -41,9 +41,7 @@ def around(
     )
 
 
-def _queue(
-    run: UUID, book: LeaseBook, setbacks: Setbacks, missing: list[Place]
-) -> Iterator[str]:
+def _queue(run: UUID, book: LeaseBook, setbacks: Setbacks, missing: list[Place]) -> Iterator[str]:
     learners = [place for place in missing if place.role == "learner"]
     if not learners:
         return

@@ -72,7 +72,9 @@ class LeaseBook:
         self._surplus: dict[Place, list[str]] = {}  # whose token came to a place that was taken
         self._left_s: dict[Place, float] = {}  # when a place was last left
         self._labels: dict[str, str] = {}
-        self._asked: dict[str, tuple[Role, float]] = {}  # by worker: its role, and when it last asked
+        self._asked: dict[
+            str, tuple[Role, float]
+        ] = {}  # by worker: its role, and when it last asked
         self._quiet_until_s = float("-inf")
 
     def demand(self, runs: Sequence[Demand]) -> None:

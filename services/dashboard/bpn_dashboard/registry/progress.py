@@ -64,7 +64,9 @@ class Progress:
             for line in growth.lines():
                 try:
                     self._take(Record.model_validate_json(line))
-                except ValidationError:  # cut by a crash, or damaged; the series count and name such lines
+                except (
+                    ValidationError
+                ):  # cut by a crash, or damaged; the series count and name such lines
                     continue
         last = self._last
         if last is None:
