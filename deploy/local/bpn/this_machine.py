@@ -3,7 +3,6 @@
 from importlib.util import find_spec
 
 from bpn.terminal import stdout_for_results
-from bpn_robot_sim.probe import probe_in_child
 from bpn_shared.config import ConfigError, RunConfig
 from bpn_shared.messages.probe import ProbeRequest
 from bpn_shared.tasks import is_gym
@@ -14,6 +13,8 @@ class ThisMachine:
 
     def actions_of(self, task: str) -> int:
         """See `Workplace.actions_of`; the environment is opened in a process of its own."""
+        from bpn_robot_sim.probe import probe_in_child  # noqa: PLC0415 - it takes seconds to load
+
         return probe_in_child(ProbeRequest(task=task)).actions
 
     def check(self, config: RunConfig) -> None:
