@@ -1,6 +1,7 @@
 """`bpn-learner`: hands out episodes, learns from them, publishes weights. Owns the run folder."""
 
 import logging
+from collections.abc import Mapping
 from pathlib import Path
 
 from bpn_learner.checkpoint import CheckpointError
@@ -25,6 +26,7 @@ from bpn_shared.messages.control import Fault, NextEpisode
 from bpn_shared.runs.folder import RunFolder, State
 from bpn_shared.runs.ownership import Ownership
 from bpn_shared.version import written_by
+from bpn_shared.watchdog import EPISODES_STORED, EPOCHS_DONE
 from bpn_shared.weights import Weights
 from bpn_shared.worker import EXIT_FINISHED, EXIT_UNRECOVERABLE, Worker
 
@@ -93,9 +95,11 @@ def _train(worker: Worker, owner: Ownership) -> None:
 
     def episode(body: bytes) -> bytes:
         try:
-            return ledger.receive(body).encode()
+            receipt = ledger.receive(body)
         except StorageError as error:
             raise RefusedError(str(error)) from error
+        worker.counters.add(EPISODES_STORED, receipt.verdict == "stored")
+        return receipt.encode()
 
     def fault(body: bytes) -> bytes:
         return ledger.fault(Fault.decode(body)).encode()
@@ -110,6 +114,12 @@ def _train(worker: Worker, owner: Ownership) -> None:
         worker.weights.note("published", released)
         weights.publish(released)
 
+    metrics = MetricsPublisher(worker.bus, worker.run, "learner", worker.id)
+
+    def report(iteration: int, values: Mapping[str, float]) -> None:
+        worker.counters.add(EPOCHS_DONE, "progress.epochs" in values)
+        metrics.put(iteration, values)
+
     responders = [
         Responder(worker.bus, keys.config(worker.run), configuration, worker.counters),
         Responder(worker.bus, keys.next_episode(worker.run), next_episode, worker.counters),
@@ -122,7 +132,7 @@ def _train(worker: Worker, owner: Ownership) -> None:
         ledger,
         publish=publish,
         rendezvous=Rendezvous(worker, config) if config.learners > 1 else None,
-        report=MetricsPublisher(worker.bus, worker.run, "learner", worker.id).put,
+        report=report,
         waiting=worker.waiting,
         stop=worker.stop,
     )

@@ -51,6 +51,7 @@ __all__ = [
 ]
 
 _WEIGHTS_NAME = re.compile(r"\d{6,}\.bpnw")
+_MOST_LISTED = 5
 
 
 class RunFolder:
@@ -89,10 +90,13 @@ class RunFolder:
         folders = [cls(runs_dir / name) for name in folder_names(runs_dir) if is_run_id(name)]
         names = [folder.path.name for folder in folders if folder.has("config.json")]
         matches = [name for name in names if name.startswith(run) or name.endswith(run)]
-        if len(matches) != 1:
-            found = "no run" if not matches else f"{len(matches)} runs"
+        if not matches:
+            there = f"the newest are: {_listed(names)}" if names else "there are none"
+            raise ConfigError(f"no run in {runs_dir} matches {run!r}; {there}")
+        if len(matches) > 1:
             raise ConfigError(
-                f"{found} in {runs_dir} match {run!r}; there are: {names[-5:] or 'none'}"
+                f"{len(matches)} runs in {runs_dir} match {run!r}: {_listed(matches)}; give more of the id's end, "
+                "since ids of one time begin alike"
             )
         return cls(runs_dir / matches[0])
 
@@ -338,6 +342,14 @@ class RunFolder:
             return file.read(sealed=self.has_sealed_lines())
         except OSError as error:
             raise ConfigError(f"{self.path}: {error}") from error
+
+
+def _listed(names: Sequence[str]) -> str:
+    """The newest of some runs."""
+    newest = names[-_MOST_LISTED:]
+    return ", ".join(newest) + (
+        f" and {len(names) - len(newest)} more" if len(names) > len(newest) else ""
+    )
 
 
 def run_folders(runs_dir: Path) -> Iterator[RunFolder]:
