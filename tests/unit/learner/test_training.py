@@ -1,4 +1,4 @@
-"""Training over a run folder, interrupted, damaged, resumed; episodes come as edges deliver them, without a bus."""
+"""Training over a run folder: interrupted, damaged, resumed. Episodes come as edges deliver them, with no bus."""
 
 import contextlib
 import json
