@@ -40,6 +40,11 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         "--quick", action="store_true", help="a tiny version, to see that everything works"
     )
     parser.add_argument(
+        "--redraw",
+        action="store_true",
+        help="only draw figure and table anew from the results in OUT; nothing is run",
+    )
+    parser.add_argument(
         "--out", type=Path, help="for the results (default docs/results; quick: RUNS_DIR/quick)"
     )
     parser.add_argument(
@@ -57,7 +62,11 @@ def run(options: argparse.Namespace) -> int:
         value = getattr(options, name)
         if value is not None and value < 1:
             raise ConfigError(f"--{name} = {value} must be at least 1")
+    out_dir = options.out or (options.runs_dir / "quick" if options.quick else _RESULTS)
     making: Any = optional.load("bpn.reproduce.making", extra="media", wanted_by="`bpn reproduce`")
+    if options.redraw:
+        _check_redraw(options)
+        return int(making.redraw(options.target, out_dir, Console()))
     return int(
         making.make(
             options.target,
@@ -67,13 +76,21 @@ def run(options: argparse.Namespace) -> int:
             iterations=options.iterations,
             quick=options.quick,
             jobs=options.jobs,
-            out_dir=options.out or (options.runs_dir / "quick" if options.quick else _RESULTS),
+            out_dir=out_dir,
             runs_dir=options.runs_dir,
             command=_command(options),
             stop=stop_on_signals(),
             out=Console(),
         )
     )
+
+
+def _check_redraw(options: argparse.Namespace) -> None:
+    for name in ("seeds", "algorithms", "nodes", "iterations"):
+        if getattr(options, name) is not None:
+            raise ConfigError(
+                f"--redraw draws all that the results hold, so --{name} says nothing: leave it out"
+            )
 
 
 def _integers(text: str) -> list[int]:

@@ -10,6 +10,7 @@ from typing import Any
 
 from bpn.bench.machine import machine, versions
 from bpn.plotting import save
+from bpn.reproduce.caption import QUICK
 from bpn.reproduce.definition import Document, Target
 from bpn.reproduce.record import run_record
 from bpn_shared.runs.files import write_atomically
@@ -42,17 +43,23 @@ def document(
 def write(target: Target, made: Document, out: Path) -> list[Path]:
     """Writes <target>.json, .png and .md; in this order, so that a failing plot loses no numbers."""
     out.mkdir(parents=True, exist_ok=True)
-    paths = [out / f"{target.name}.{suffix}" for suffix in ("json", "png", "md")]
-    write_atomically(paths[0], to_json(made).encode())
-    save(target.draw(made), paths[1])
-    write_atomically(paths[2], page(target, made).encode())
+    path = out / f"{target.name}.json"
+    write_atomically(path, to_json(made).encode())
+    return [path, *draw(target, made, out)]
+
+
+def draw(target: Target, made: Document, out: Path) -> list[Path]:
+    """Writes <target>.png and .md."""
+    paths = [out / f"{target.name}.{suffix}" for suffix in ("png", "md")]
+    save(target.draw(made), paths[0])
+    write_atomically(paths[1], page(target, made).encode())
     return paths
 
 
 def page(target: Target, made: Document) -> str:
     """The markdown file."""
     when = time.strftime("%Y-%m-%d", time.gmtime(made["made_unix_s"]))
-    warning = "**A quick version: its numbers mean nothing.**\n\n" if made["quick"] else ""
+    warning = f"**{QUICK}.**\n\n" if made["quick"] else ""
     return (
         f"# {target.title}\n\n{warning}![{target.title}]({target.name}.png)\n\n{target.table(made)}\n\n"
         f"Made by `{made['command']}` on {when}, {made['machine']['cpu']}, {made['machine']['cores']} cores, "
