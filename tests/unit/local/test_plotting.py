@@ -13,7 +13,7 @@ from reproduced import made, record
 
 from bpn.plotting import band, entitle, new_figure, reference
 from bpn.reproduce.caption import QUICK
-from bpn.reproduce.markdown import over_seeds
+from bpn.reproduce.markdown import mean_and_range
 from bpn.reproduce.targets import TARGETS
 
 WIDTHS_IN = st.floats(5.0, 12.0)
@@ -98,7 +98,7 @@ def test_a_band_reaches_nothing_that_no_seed_had(curves: Any) -> None:
 
 @given(st.lists(st.floats(-1000, 0), min_size=1, max_size=6))
 def test_a_spread_over_seeds_is_within_what_seeds_had(values: list[float]) -> None:
-    text = over_seeds(values)
+    text = mean_and_range(values)
     numbers = [float(word.strip("()")) for word in text.split() if word != "to"]
     if len(numbers) == 1:
         assert max(values) - min(values) <= 0.1

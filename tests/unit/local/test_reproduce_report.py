@@ -1,6 +1,7 @@
 """Documents to figures and tables, with results made by hand."""
 
 import json
+import re
 from pathlib import Path
 
 import pytest
@@ -94,6 +95,20 @@ def test_a_learning_table_shows_lengths_beside_returns_and_the_gap_to_float() ->
 def _legend(name: str) -> str:
     figure = TARGETS[name].draw(made(name))
     return " ".join(text.get_text() for legend in figure.legends for text in legend.get_texts())
+
+
+@pytest.mark.parametrize("name", ["reaching", "tracking", "heatmap", "pan-tilt", "latency"])
+def test_one_seed_has_no_spread_and_its_repetitions_are_no_seeds(name: str) -> None:
+    document = made(name)
+    trials = [one for one in document["result"].get("trials", []) if one["seed"] == 0]
+    document["runs"] = [run for run in document["runs"] if run["seed"] == 0] * 4
+    document["result"] = document["result"] | {"trials": trials}
+    table = TARGETS[name].table(document)
+    assert "±" not in table
+    assert not re.search(r"\(-?[\d.]+ to -?[\d.]+\)", table)
+    if name in ("reaching", "tracking", "heatmap"):
+        assert "| 1 (4 runs) |" in table
+    TARGETS[name].draw(document)
 
 
 def test_learning_figures_have_a_column_for_every_n_and_lengths_only_where_episodes_end_early() -> (

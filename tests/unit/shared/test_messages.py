@@ -180,7 +180,9 @@ def test_an_action_that_the_task_does_not_have_is_refused() -> None:
 
 def test_another_schema_is_refused_by_name() -> None:
     newer = msgpack.packb({**msgpack.unpackb(MESSAGES[0].encode()), "schema": 2})
-    with pytest.raises(MessageError, match=r"schema 2, this program \(bpn .*\) reads 1: install the same version"):
+    with pytest.raises(
+        MessageError, match=r"schema 2, this program \(bpn .*\) reads 1: install the same version"
+    ):
         Reset.decode(newer)
 
 

@@ -11,6 +11,7 @@ from bpn_learner.reward import episode_rewards
 from bpn_robot_sim.reaching.geometry import TARGET_RADIUS_PX
 from bpn_shared.config import RunConfig
 from bpn_shared.messages.episode import Episode
+from bpn_shared.statistics import mean_std
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,7 +41,7 @@ def outcome(config: RunConfig, episode: Episode) -> Outcome:
 
 
 def summarize(config: RunConfig, outcomes: Sequence[Outcome]) -> dict[str, Any]:
-    """Mean and standard deviation over trials, and every trial.
+    """Mean and standard deviation (n - 1; None of one) over trials, and every trial.
 
     Returns:
         trials, return_px, px_per_step and length ({mean, std}), tracking_time (mean steps and seconds, and their
@@ -77,5 +78,6 @@ def summarize(config: RunConfig, outcomes: Sequence[Outcome]) -> dict[str, Any]:
     }
 
 
-def _mean_std(values: npt.NDArray[Any]) -> dict[str, float]:
-    return {"mean": round(float(values.mean()), 3), "std": round(float(values.std()), 3)}
+def _mean_std(values: npt.NDArray[Any]) -> dict[str, float | None]:
+    mean, std = mean_std(values)
+    return {"mean": round(mean, 3), "std": None if std is None else round(std, 3)}

@@ -11,7 +11,7 @@ from bpn.plotting import OVER_SEEDS, band, entitle, new_figure, reference
 from bpn.reproduce.caption import caption
 from bpn.reproduce.definition import Context, Document, Scope, Target
 from bpn.reproduce.markdown import table as markdown_table
-from bpn.reproduce.statistics import LAST, at_end, curves
+from bpn.reproduce.statistics import LAST, curves
 from bpn_shared.config import RunConfig
 from bpn_shared.runs.folder import RunFolder
 
@@ -75,13 +75,12 @@ def table(document: Document) -> str:
     """Random play and every seed: the training return at the end, and greedy play."""
     random, *learned = document["result"]["trials"]
     last = min(LAST, *(len(run["returns"]) for run in document["runs"]))
-    ends = at_end(curves(document["runs"], "returns"))
     rows: list[list[object]] = [["random play", "", "", *_played(random)]]
-    for run, end, trials in zip(document["runs"], ends, learned, strict=True):
+    for run, trials in zip(document["runs"], learned, strict=True):
         rows.append(
             [
                 f"BPN, seed {run['seed']}",
-                f"{end:.1f}",
+                f"{np.mean(run['returns'][-last:]):.1f}",
                 f"{np.max(run['returns']):.1f}",
                 *_played(trials),
             ]

@@ -15,9 +15,9 @@ from matplotlib.figure import Figure
 from bpn.plotting import entitle, new_figure
 from bpn.reproduce.caption import caption
 from bpn.reproduce.definition import Context, Document, Scope, Target
-from bpn.reproduce.markdown import over_seeds
+from bpn.reproduce.markdown import mean_and_range
 from bpn.reproduce.markdown import table as markdown_table
-from bpn.reproduce.statistics import LAST, at_end, curves, group
+from bpn.reproduce.statistics import LAST, at_end, count, curves, group
 from bpn_shared.config import RunConfig
 
 NODES = (16, 32, 100, 256)
@@ -56,7 +56,7 @@ def cells(document: Document) -> list[dict[str, Any]]:
     for (nodes, alpha), seeds in group(document["runs"], "nodes", "alpha").items():
         returns = curves(seeds, "returns_px")
         values = {"best_return_px": returns.max(axis=1), "last_return_px": at_end(returns)}
-        found.append({"nodes": nodes, "alpha": alpha, "seeds": len(seeds), **values})
+        found.append({"nodes": nodes, "alpha": alpha, "seeds": count(seeds), **values})
     return sorted(found, key=lambda cell: (cell["nodes"], cell["alpha"]))
 
 
@@ -83,7 +83,7 @@ def _map(axes: Axes, found: list[dict[str, Any]], name: str) -> None:
     for cell in found:
         x, y = sizes.index(cell["nodes"]), alphas.index(cell["alpha"])
         ink = "black" if values[y, x] > middle else "white"
-        text = over_seeds(cell[name], _FORM).replace(" (", "\n(", 1)
+        text = mean_and_range(cell[name], _FORM).replace(" (", "\n(", 1)
         axes.text(x, y, text, ha="center", va="center", color=ink, fontsize=7)
     axes.set_xticks(range(len(sizes)), [str(size) for size in sizes])
     axes.set_yticks(range(len(alphas)), [f"{alpha:g}" for alpha in alphas])
@@ -99,7 +99,7 @@ def table(document: Document) -> str:
             cell["nodes"],
             f"{cell['alpha']:g}",
             cell["seeds"],
-            *(over_seeds(cell[name], _FORM) for name in _PANELS),
+            *(mean_and_range(cell[name], _FORM) for name in _PANELS),
         ]
         for cell in cells(document)
     ]

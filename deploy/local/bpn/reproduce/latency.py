@@ -5,6 +5,7 @@ from textwrap import fill
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
@@ -15,9 +16,9 @@ from bpn.reproduce import computers
 from bpn.reproduce.caption import caption
 from bpn.reproduce.definition import Context, Document, Scope, Target
 from bpn.reproduce.far import CONFIG
-from bpn.reproduce.markdown import over_seeds
+from bpn.reproduce.markdown import mean_and_range
 from bpn.reproduce.markdown import table as markdown_table
-from bpn.reproduce.statistics import group
+from bpn.reproduce.statistics import count, group, of_seeds
 from bpn.summary import percentiles
 from bpn_shared.config import RunConfig
 from bpn_shared.runs.folder import RunFolder
@@ -117,12 +118,12 @@ def _computers(axes: Axes, result: dict[str, Any]) -> None:
 
 def _delays(axes: Axes, trials: list[dict[str, Any]]) -> None:
     by_delay = group(trials, "delay_ms")
-    shares = [[one["success_share"] for one in seeds] for seeds in by_delay.values()]
-    count = next(iter(by_delay.values()))[0]["trials"]
-    for x, of_seeds in enumerate(shares):
-        axes.plot(x, np.mean(of_seeds), "o", color=colour(0), markersize=9, label="mean over seeds")
-        each = f"one seed, {count} trials"
-        axes.plot([x] * len(of_seeds), of_seeds, "_", color=colour(1), markersize=14, label=each)
+    shares = [_success_shares(trials) for trials in by_delay.values()]
+    trials_each = next(iter(by_delay.values()))[0]["trials"]
+    for x, of_delay in enumerate(shares):
+        axes.plot(x, of_delay.mean(), "o", color=colour(0), markersize=9, label="mean over seeds")
+        each = f"one seed, {trials_each} trials"
+        axes.plot([x] * len(of_delay), of_delay, "_", color=colour(1), markersize=14, label=each)
     axes.set_xticks(range(len(shares)), [f"{delay_ms:g}" for (delay_ms,) in by_delay])
     axes.set(
         xlabel="delay added between frame and action (ms)",
@@ -130,6 +131,10 @@ def _delays(axes: Axes, trials: list[dict[str, Any]]) -> None:
         ylim=(-0.05, 1.05),
     )
     axes.set_title("tracking in realtime pacing, 145 ms period", fontsize=10)
+
+
+def _success_shares(trials: list[dict[str, Any]]) -> npt.NDArray[np.float64]:
+    return of_seeds(trials, [of_seed["success_share"] for of_seed in trials])
 
 
 def table(document: Document) -> str:
@@ -181,8 +186,8 @@ def _delay_table(document: Document) -> str:
     for (delay_ms,), seeds in group(document["result"]["trials"], "delay_ms").items():
         rows.append(
             [
-                f"{delay_ms:g}", len(seeds), sum(trials["trials"] for trials in seeds),
-                over_seeds([100 * trials["success_share"] for trials in seeds], "{:.0f}"),
+                f"{delay_ms:g}", count(seeds), sum(trials["trials"] for trials in seeds),
+                mean_and_range(100 * _success_shares(seeds), "{:.0f}"),
                 f"{np.mean([t['length']['mean'] for t in seeds]):.1f}",
                 f"{np.mean([t['px_per_step']['mean'] for t in seeds]):.1f}",
                 f"{np.mean([t['return_px']['mean'] for t in seeds]):.1f}",

@@ -11,15 +11,16 @@ from matplotlib.figure import Figure
 from bpn.plotting import OVER_SEEDS, band, entitle, new_figure, reference
 from bpn.reproduce.caption import caption
 from bpn.reproduce.definition import Context, Document, Scope, Target
-from bpn.reproduce.markdown import over_seeds
+from bpn.reproduce.markdown import mean_and_range
 from bpn.reproduce.markdown import table as markdown_table
 from bpn.reproduce.statistics import (
     LAST,
     at_end,
+    count,
     curves,
     full_length_shares,
     group,
-    iqm,
+    of_seeds,
     shortfall_percent,
 )
 from bpn_robot_sim import references
@@ -27,6 +28,7 @@ from bpn_robot_sim.reaching.optimum import optimal_return, random_return
 from bpn_robot_sim.robot import make_robot
 from bpn_robot_sim.tracking.optimum import mean_optimal_return
 from bpn_shared.config import RunConfig
+from bpn_shared.statistics import iqm
 
 BINARY, FLOAT = ("bpn", "bqn"), ("cvi", "dqn")
 NODES = {"small": 32, "medium": 100, "large": 256}
@@ -147,11 +149,11 @@ def table(document: Document) -> str:
     rows = []
     for (algorithm, nodes), seeds in groups.items():
         returns = _last_returns(seeds)
-        shares = [np.mean(full_length_shares(run)[-LAST:]) for run in seeds]
+        shares = [100 * float(np.mean(full_length_shares(run)[-LAST:])) for run in seeds]
         rows.append(
             [
-                _TITLES[algorithm], nodes, len(seeds), over_seeds(returns), f"{iqm(returns):.1f}",
-                over_seeds([100 * share for share in shares]),
+                _TITLES[algorithm], nodes, count(seeds), mean_and_range(returns), f"{iqm(returns):.1f}",
+                mean_and_range(of_seeds(seeds, shares)),
                 f"{at_end(curves(seeds, 'lengths')).mean():.1f}",
                 "" if best is None else f"{shortfall_percent(returns.mean(), best):+.1f} %",
                 *([f"{curves(seeds, 'returns_px').mean(axis=0).max():.1f}"] if best_iterations else []),

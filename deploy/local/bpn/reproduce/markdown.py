@@ -15,7 +15,7 @@ def table(heading: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
     return "\n".join(f"| {line} |" for line in lines)
 
 
-def over_seeds(values: npt.ArrayLike, form: str = "{:.1f}") -> str:
+def mean_and_range(values: npt.ArrayLike, form: str = "{:.1f}") -> str:
     """Mean of one value for each seed, and the range that they span; where all are equal their value alone.
 
     A handful of seeds allows no more, and a range never reaches what cannot be.

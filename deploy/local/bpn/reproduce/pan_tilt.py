@@ -12,9 +12,9 @@ from bpn.evaluation.trials import PlayedPolicy, Trials
 from bpn.plotting import BEST, OVER_SEEDS, band, colour, entitle, new_figure
 from bpn.reproduce.caption import caption
 from bpn.reproduce.definition import Context, Document, Scope, Target
-from bpn.reproduce.markdown import over_seeds
+from bpn.reproduce.markdown import mean_and_range
 from bpn.reproduce.markdown import table as markdown_table
-from bpn.reproduce.statistics import curves, full_length_shares, group
+from bpn.reproduce.statistics import count, curves, full_length_shares, group, of_seeds
 from bpn_shared.config import RunConfig
 from bpn_shared.runs.folder import RunFolder
 
@@ -107,8 +107,8 @@ def table(document: Document) -> str:
         by_seed = ", ".join(f"{sum(t['successes'])}/{t['trials']}" for t in seeds)
         rows.append(
             [
-                name.upper(), len(seeds), len(kept),
-                over_seeds([trials["tracking_time"]["seconds"] for trials in seeds]),
+                name.upper(), count(seeds), len(kept),
+                mean_and_range(of_seeds(seeds, [t["tracking_time"]["seconds"] for t in seeds])),
                 f"{np.mean([trials['tracking_time']['percent'] for trials in seeds]):.0f}",
                 f"{np.mean([t['length']['mean'] for t in seeds]):.1f}",
                 f"{sum(kept)}/{len(kept)}" + (f" ({by_seed})" if len(seeds) > 1 else ""),
