@@ -67,7 +67,8 @@ class RunConfig(BaseModel):
     beta: Annotated[float, Field(gt=0, le=1e4, description="inverse temperature of CVI")] = 1.0
     gamma: Annotated[float, Field(ge=0, lt=1, description="discount factor")] = 0.99
     mask_terminals: Annotated[
-        bool, Field(description="no bootstrap from failures (Algorithm 1 as printed: bootstrap)")
+        bool,
+        Field(description="no bootstrap from terminal states (Algorithm 1 as printed: bootstrap)"),
     ] = False
     relative_targets: Annotated[
         bool, Field(description="subtract the targets' mean over D (Algorithm 1 as printed: no)")

@@ -13,10 +13,9 @@ from uuid import UUID
 from bpn_shared import keys
 from bpn_shared.bus.liveliness import Token
 from bpn_shared.bus.logs import LogPublisher
-from bpn_shared.bus.requests import NoReplyError, RefusedError, Responder, request
+from bpn_shared.bus.requests import Responder
 from bpn_shared.bus.session import Bus, BusError
 from bpn_shared.config import ConfigError
-from bpn_shared.messages.base import MessageError
 from bpn_shared.messages.lease import LeaseReply, LeaseRequest, Release, ReleaseReply
 from bpn_shared.runs.folder import RunOwnedError
 from bpn_shared.service import set_up_logging
@@ -24,8 +23,6 @@ from bpn_shared.worker import EXIT_FINISHED, Serve, WorkerProcess, service_name
 
 log = logging.getLogger(__name__)
 
-_ASK_TIMEOUT_S = 2.0
-_NO_REGISTRY_S = 0.5
 _GIVEN_BACK_S = 1.0
 """Pause before the next question after a lease that the worker could not use."""
 
@@ -88,20 +85,20 @@ class LeaseLoop:
         process = self._process
         body = LeaseRequest(role=process.kind, worker=process.id, label=self._label).encode()
         while not process.stop.is_set():
-            pause_s = _NO_REGISTRY_S
-            try:
-                answer = request(process.bus, keys.lease_request(), body, timeout_s=_ASK_TIMEOUT_S)
-                reply = LeaseReply.decode(answer)
-                if reply.run_id is not None:
-                    process.waiting.done()
-                    return Lease(reply.run_id, reply.slot, threading.Event())
-                pause_s = reply.retry_s
-                process.waiting.set("work: no run needs this worker now")
-            except NoReplyError:
-                process.waiting.set("the registry to give work")
-            except (RefusedError, MessageError) as error:
-                process.counters.refuse("leases_refused", f"asking the registry for work: {error}")
-            process.stop.wait(pause_s)
+            reply = process.ask(
+                keys.lease_request(),
+                body,
+                LeaseReply.decode,
+                waiting_for="the registry to give work",
+                refused_as="leases_refused",
+            )
+            if reply is None:
+                break
+            if reply.run_id is not None:
+                process.waiting.done()
+                return Lease(reply.run_id, reply.slot, threading.Event())
+            process.waiting.set("work: no run needs this worker now")
+            process.stop.wait(reply.retry_s)
         return None
 
     def _work(self, lease: Lease, serve: Serve) -> None:

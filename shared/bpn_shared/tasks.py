@@ -26,6 +26,8 @@ class Task:
         control_period_s: time between two frames in realtime pacing.
         frame_skip: steps of a Gymnasium environment that one action takes.
         rewards: computed from the pixels by the learner (the paper, section VI-A), or told by the robot.
+        success: what an episode has to do: end with the hand on the target, keep the target in the frame, or
+            whatever the robot says, if it says anything.
     """
 
     name: str
@@ -37,6 +39,7 @@ class Task:
     control_period_s: float
     frame_skip: int = 1
     rewards: Literal["pixels", "robot"] = "pixels"
+    success: Literal["reached", "kept", "told"] = "kept"
 
     @property
     def return_metric(self) -> str:
@@ -75,6 +78,7 @@ TASKS = {
         ),
         hold_action=3,  # joint 1 by 0 degrees
         control_period_s=CONTROL_PERIOD_S,
+        success="reached",
     ),
     "tracking": Task(
         name="tracking",
@@ -171,4 +175,5 @@ def gym_task(
         control_period_s=CONTROL_PERIOD_S,
         frame_skip=frame_skip,
         rewards="robot",
+        success="told",
     )

@@ -133,7 +133,7 @@ class RobotService:
             step += 1
             kind = FrameKind.MID
             if robot.terminated:
-                kind = FrameKind.FAILED
+                kind = FrameKind.TERMINATED
             elif robot.truncated or step == self._config.steps:
                 kind = FrameKind.LAST
 

@@ -1,5 +1,6 @@
 """How files at rest are written: whole or not at all, and on disk when the writer says so."""
 
+import contextlib
 import json
 import os
 import secrets
@@ -7,27 +8,40 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from bpn_shared.runs.opening import open_folder
 
-def write_atomically(path: Path, data: bytes, *, mode: int = 0o666) -> None:
+
+def write_atomically(
+    path: Path, data: bytes, *, mode: int = 0o666, root: Path | None = None
+) -> None:
     """Replaces a file so that a reader, or a crash at any moment, finds the old or the new one whole.
 
     Contents and name are on disk when this returns. A link that stands at the path is replaced, not followed.
 
     Args:
         mode: permissions of the file, less the process's umask.
+        root: a directory above the file, between which and the file no link is followed either; others than
+            this process may write there. Without it, links may lead to the file's directory.
+
+    Raises:
+        ForeignFileError: there is a link, or no directory, between `root` and the file.
+        OSError: it cannot be written; nothing of it is left.
     """
-    temporary = path.with_name(f".{path.name}.{secrets.token_hex(6)}.new")
-    flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW
-    try:
-        with os.fdopen(os.open(temporary, flags, mode), "wb") as file:
-            file.write(data)
-            file.flush()
-            os.fsync(file.fileno())
-        os.replace(temporary, path)
-    except BaseException:
-        temporary.unlink(missing_ok=True)
-        raise
-    sync_directory(path.parent)
+    root = root or path.parent
+    temporary = f".{path.name}.{secrets.token_hex(6)}.new"
+    flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC
+    with open_folder(root, path.parent.relative_to(root)) as folder:
+        try:
+            with os.fdopen(os.open(temporary, flags, mode, dir_fd=folder), "wb") as file:
+                file.write(data)
+                file.flush()
+                os.fsync(file.fileno())
+            os.replace(temporary, path.name, src_dir_fd=folder, dst_dir_fd=folder)
+        except BaseException:
+            with contextlib.suppress(FileNotFoundError):
+                os.unlink(temporary, dir_fd=folder)
+            raise
+        os.fsync(folder)
 
 
 def append_line(path: Path, record: Mapping[str, Any]) -> None:

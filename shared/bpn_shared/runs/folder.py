@@ -17,14 +17,15 @@ import fcntl
 import json
 import time
 from collections.abc import Iterator, Mapping, Sequence
-from pathlib import Path
-from typing import Annotated, Any, Literal, Self
+from pathlib import Path, PurePath
+from typing import Annotated, Any, BinaryIO, Literal, Self
 from uuid import UUID
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from bpn_shared.config import ConfigError, RunConfig
 from bpn_shared.runs.files import append_line, write_atomically
+from bpn_shared.runs.opening import file_names, open_file, read_file
 from bpn_shared.weights import Weights, decode_weights
 
 State = Literal["queued", "running", "stopping", "finished", "failed", "stopped", "lost"]
@@ -65,7 +66,7 @@ class RunFolder:
             (folder.path / part).mkdir()
         folder.set_state("queued")
         # Last: a folder that has it counts as a run.
-        write_atomically(folder.path / "config.json", config.model_dump_json(indent=2).encode())
+        folder.write("config.json", config.model_dump_json(indent=2).encode())
         return folder
 
     @classmethod
@@ -75,7 +76,7 @@ class RunFolder:
         Raises:
             ConfigError: no such run, or several.
         """
-        names = [path.parent.name for path in sorted(runs_dir.glob("*/config.json"))]
+        names = [folder.path.name for folder in run_folders(runs_dir)]
         matches = [name for name in names if name.startswith(run) or name.endswith(run)]
         if len(matches) != 1:
             found = "no run" if not matches else f"{len(matches)} runs"
@@ -84,9 +85,41 @@ class RunFolder:
             )
         return cls(runs_dir / matches[0])
 
+    def is_complete(self) -> bool:
+        """Whether this is the folder of a run, and all that makes it one is there.
+
+        A folder that is being made or copied, whatever comes first, is not complete yet; nor is one that is
+        named in another spelling of a UUID, which would be the same run twice.
+        """
+        return is_run_id(self.path.name) and all(map(self.has, ("config.json", "state.json")))
+
     @property
     def run(self) -> UUID:
         return UUID(self.path.name)
+
+    def open_file(self, name: str) -> BinaryIO:
+        """A file of the run, such as "logs/learner.log"; see `opening.open_file`."""
+        return open_file(self.path.parent, PurePath(self.path.name, name))
+
+    def read_file(self, name: str) -> bytes:
+        """All of a file of the run; see `opening.open_file`."""
+        return read_file(self.path.parent, PurePath(self.path.name, name))
+
+    def has(self, name: str) -> bool:
+        """Whether the run has a file of that name."""
+        try:
+            self.open_file(name).close()
+        except OSError:
+            return False
+        return True
+
+    def file_names(self, folder: str = "", *, suffix: str = "") -> list[str]:
+        """Names of the files in a folder of the run; see `opening.file_names`."""
+        return file_names(self.path.parent, PurePath(self.path.name, folder), suffix=suffix)
+
+    def write(self, name: str, data: bytes) -> None:
+        """Replaces a file of the run; see `files.write_atomically`."""
+        write_atomically(self.path / name, data, root=self.path.parent)
 
     @property
     def checkpoint_path(self) -> Path:
@@ -104,7 +137,7 @@ class RunFolder:
         """
         path = self.path / "config.json"
         try:
-            return RunConfig.from_json(path.read_bytes(), source=str(path))
+            return RunConfig.from_json(self.read_file(path.name), source=str(path))
         except OSError as error:
             raise ConfigError(f"{path}: {error.strerror}") from error
 
@@ -116,13 +149,13 @@ class RunFolder:
         """
         path = self.path / "state.json"
         try:
-            return RunState.model_validate_json(path.read_bytes())
+            return RunState.model_validate_json(self.read_file(path.name))
         except (OSError, ValidationError) as error:
             raise ConfigError(f"{path}: {error}") from error
 
     def set_state(self, state: State, *, error: str = "", new_attempt: bool = False) -> RunState:
         now = time.time()
-        old = self.state() if (self.path / "state.json").exists() else RunState(created_unix_s=now)
+        old = self.state() if self.has("state.json") else RunState(created_unix_s=now)
         new = RunState(
             state=state,
             attempt=old.attempt + new_attempt,
@@ -130,7 +163,7 @@ class RunFolder:
             updated_unix_s=now,
             error=error,
         )
-        write_atomically(self.path / "state.json", new.model_dump_json(indent=2).encode())
+        self.write("state.json", new.model_dump_json(indent=2).encode())
         return new
 
     @contextlib.contextmanager
@@ -161,10 +194,11 @@ class RunFolder:
 
     def is_owned(self) -> bool:
         """Whether some learner owns the run now."""
-        if not self._lock_path.exists():
+        try:
+            with self.open_file(self._lock_path.name) as file:
+                return not _lock(file.fileno(), fcntl.LOCK_SH)
+        except OSError:
             return False
-        with self._lock_path.open() as file:
-            return not _lock(file.fileno(), fcntl.LOCK_SH)
 
     @property
     def _lock_path(self) -> Path:
@@ -183,10 +217,10 @@ class RunFolder:
             ConfigError: there is none yet.
             BlobError: the file is damaged.
         """
-        paths = sorted((self.path / "weights").glob("*.bpnw"))
-        if not paths:
+        names = self.file_names("weights", suffix=".bpnw")
+        if not names:
             raise ConfigError(f"{self.path} holds no weights yet")
-        return decode_weights(paths[-1].read_bytes())
+        return decode_weights(self.read_file(f"weights/{names[-1]}"))
 
     def append_metrics(self, record: Mapping[str, Any]) -> None:
         """Adds one iteration's record; it is on disk when this returns."""
@@ -198,15 +232,31 @@ class RunFolder:
 
     def metrics(self) -> list[dict[str, Any]]:
         """The iterations' records in order, each iteration once; a line cut by a crash is left out."""
-        path = self.path / "metrics.jsonl"
         records: dict[int, dict[str, Any]] = {}
-        for line in path.read_text().splitlines() if path.exists() else ():
+        data = self.read_file("metrics.jsonl") if self.has("metrics.jsonl") else b""
+        for line in data.decode().splitlines():
             try:
                 record = json.loads(line)
             except json.JSONDecodeError:
                 continue
             records[record["iteration"]] = record
         return [records[iteration] for iteration in sorted(records)]
+
+
+def run_folders(runs_dir: Path) -> Iterator[RunFolder]:
+    """The complete run folders in a directory, oldest first: their names sort by time."""
+    for path in sorted(runs_dir.iterdir()) if runs_dir.is_dir() else ():
+        folder = RunFolder(path)
+        if not path.is_symlink() and folder.is_complete():
+            yield folder
+
+
+def is_run_id(name: str) -> bool:
+    """Whether a name is a run's id, in the one spelling that counts."""
+    try:
+        return str(UUID(name)) == name
+    except ValueError:
+        return False
 
 
 def _lock(descriptor: int, kind: int) -> bool:

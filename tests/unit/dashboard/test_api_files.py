@@ -39,7 +39,7 @@ def run(store, context):
                 Episode(
                     meta=EpisodeMeta(
                         iteration=iteration, episode=episode, seed=1, slot=0, worker="edge-1",
-                        weights_attempt=1, weights_version=0, failed=False, deadline_misses=0,
+                        weights_attempt=1, weights_version=0, terminated=False, deadline_misses=0,
                         duration_ns=5,
                     ),
                     frames=rng.integers(0, 256, (4, 1, 84, 84), np.uint8),

@@ -127,14 +127,15 @@ def _show(result: dict[str, Any], config: RunConfig) -> None:
     tracked, time = result.get("tracking_time"), ""
     if tracked is not None:
         time = f" = {tracked['seconds']:.1f} s ({tracked['percent']:.0f} %)"
-    total = result[task.return_metric]
+    total, share = result[task.return_metric], result["success_share"]
+    success = "n/a" if share is None else f"{100 * share:.0f} %"
     lines = [
         f"{result['trials']} {result['policy']} trials in {result['pacing']}, weights version "
         f"{result['weights_version']} of run {result['run_id']} ({config.algorithm}, {config.task})",
         f"return   {total['mean']:8.1f} ± {total['std']:.1f}{task.return_unit}"
         f"   ({per_step:.1f}{task.return_unit} a step)",
         f"length   {result['length']['mean']:8.1f} ± {result['length']['std']:.1f} of {config.steps} steps{time}",
-        f"success  {100 * result['success_share']:8.0f} %",
+        f"success  {success:>10}",
     ]
     if config.pacing == "realtime":
         lines.append(f"control periods without an action: {result['deadline_misses']}")

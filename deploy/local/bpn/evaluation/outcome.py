@@ -8,10 +8,10 @@ import numpy as np
 import numpy.typing as npt
 
 from bpn_learner.reward import episode_rewards
-from bpn_robot_sim.reaching.geometry import TARGET_RADIUS_PX
 from bpn_shared.config import RunConfig
 from bpn_shared.messages.episode import Episode
 from bpn_shared.statistics import mean_std
+from bpn_shared.success import share, success_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,23 +21,29 @@ class Outcome:
     Attributes:
         total: the return, sum of rewards: in pixels, or as the environment of a gym: task counts.
         steps: until its end.
-        success: reaching: the hand ends on the target; other tasks: the episode lasted for all T steps.
+        terminated: the task ended it, good or bad, before its time.
+        success: as the task or its environment defines it; None where neither does.
         deadline_misses: control periods without an action in time (realtime pacing).
     """
 
     total: float
     steps: int
-    success: bool
+    terminated: bool
+    success: bool | None
     deadline_misses: int
 
 
 def outcome(config: RunConfig, episode: Episode) -> Outcome:
     """The outcome of one trial."""
     rewards = episode_rewards(config.task_spec, episode)
-    success = not episode.meta.failed
-    if config.task == "reaching":
-        success = bool(rewards[-1] >= -TARGET_RADIUS_PX)
-    return Outcome(float(rewards.sum()), episode.steps, success, int(episode.meta.deadline_misses))
+    meta = episode.meta
+    return Outcome(
+        total=float(rewards.sum()),
+        steps=episode.steps,
+        terminated=meta.terminated,
+        success=success_of(config.task_spec, meta, rewards),
+        deadline_misses=int(meta.deadline_misses),
+    )
 
 
 def summarize(config: RunConfig, outcomes: Sequence[Outcome]) -> dict[str, Any]:
@@ -45,8 +51,9 @@ def summarize(config: RunConfig, outcomes: Sequence[Outcome]) -> dict[str, Any]:
 
     Returns:
         trials, return_px, px_per_step and length ({mean, std}), tracking_time (mean steps and seconds, and their
-        percentage of T, as the paper's Table II), success_share, deadline_misses,
-        returns_px, lengths, successes. Of a gym: task, whose rewards have units of their own and whose steps
+        percentage of T, as the paper's Table II), terminated (how many the task ended), success_share
+        and successes (None where neither task nor environment defines it), deadline_misses,
+        returns_px, lengths. Of a gym: task, whose rewards have units of their own and whose steps
         have no duration: return, return_per_step and returns, and no tracking_time.
 
     Raises:
@@ -59,6 +66,7 @@ def summarize(config: RunConfig, outcomes: Sequence[Outcome]) -> dict[str, Any]:
     in_pixels = config.task_spec.rewards == "pixels"
     unit = "_px" if in_pixels else ""
     mean_steps = float(steps.mean())
+    succeeded = share(one.success for one in outcomes)
     tracking_time = {
         "steps": round(mean_steps, 2),
         "seconds": round(mean_steps * config.task_spec.control_period_s, 3),
@@ -70,7 +78,8 @@ def summarize(config: RunConfig, outcomes: Sequence[Outcome]) -> dict[str, Any]:
         "px_per_step" if in_pixels else "return_per_step": _mean_std(returns / steps),
         "length": _mean_std(steps),
         **({"tracking_time": tracking_time} if in_pixels else {}),
-        "success_share": round(float(np.mean([one.success for one in outcomes])), 4),
+        "terminated": sum(one.terminated for one in outcomes),
+        "success_share": None if succeeded is None else round(succeeded, 4),
         "deadline_misses": sum(one.deadline_misses for one in outcomes),
         f"returns{unit}": [round(float(value), 3) for value in returns],
         "lengths": steps.tolist(),

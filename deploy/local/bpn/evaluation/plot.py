@@ -74,11 +74,11 @@ def target_offset(axes: Axes, episodes: Sequence[Episode]) -> None:
     for index, episode in enumerate(episodes):
         x_px = target_offsets_px("tracking", episode)[:, 0]
         axes.plot(x_px, color=colour(index), linewidth=1.2)
-        if episode.meta.failed:
+        if episode.meta.terminated:
             axes.plot(len(x_px) - 1, x_px[-1], "x", color=colour(index), markersize=9, mew=2)
     for edge_px in (-MIDDLE_PX, MIDDLE_PX):
         axes.axhline(edge_px, color=REFERENCE, linestyle="--", linewidth=1.0)
-    lost = sum(episode.meta.failed for episode in episodes)
+    lost = sum(episode.meta.terminated for episode in episodes)
     axes.set(
         xlabel="step", ylabel="target from the frame's middle, x (px)",
         title=f"{len(episodes)} trials, {lost} lost (x); dashed: the frame's border",
@@ -91,11 +91,11 @@ def figure_eight(axes: Axes, episodes: Sequence[Episode]) -> None:
     for index, episode in enumerate(episodes):
         gaze = gaze_deg(episode)
         axes.plot(*gaze.T, color=colour(index), linewidth=1.1)
-        if episode.meta.failed:
+        if episode.meta.terminated:
             offsets_px = target_offsets_px("pan_tilt", episode)
             lost_at = seen_direction_deg(gaze[-1:], offsets_px[-1:])[0]
             axes.plot(*lost_at, "x", color=colour(index), markersize=9, mew=2)
-    lost = sum(episode.meta.failed for episode in episodes)
+    lost = sum(episode.meta.terminated for episode in episodes)
     axes.set(
         xlabel="pan (degrees)", ylabel="tilt (degrees)", aspect="equal",
         title=f"gaze in {len(episodes)} trials, {lost} lost the marker (x)",
