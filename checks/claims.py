@@ -1,13 +1,12 @@
 """Figures in pages against their sources, as `docs/claims.toml` tells them.
 
-A claim is a piece of a page's text with figures in it, and where they are from:
+A claim is a piece of a page's text with figures in it (or "## Heading", a whole section), and where they are from:
 
-    [[from]]       page, says, are     a result's file; each number is compared, to the digits that the page shows
-    [[measured]]   page, says or section, command, on     no file has them: the command that measures them, and
-                                       what on (machine, load, day)
-    [[chosen]]     page, says, why     no measurement: a setting, a size, arithmetic, or the paper's
+    from       [piece, source, ...]          results: every number is compared, to the digits that the page shows
+    measured   [piece, command, where, when] no file has them: what measures them, and what they were measured on
+    chosen     [piece, why]                  no measurement: a setting, a size, arithmetic, or the paper's
 
-A piece that the page no longer says is a fault, and so is a figure on one of the pages `accounted` that no claim covers.
+A piece that the page does not say is a fault, and so is a figure of the page that no claim covers.
 """
 
 import re
@@ -20,57 +19,55 @@ from checks.sources import SourceError, values
 from checks.text import figures, numbers, section
 
 CLAIMS = "docs/claims.toml"
-_KEYS = {
-    "from": {"page", "says", "are"},
-    "measured": {"page", "says", "section", "command", "on"},
-    "chosen": {"page", "says", "section", "why"},
-}
-_NEEDED = {"from": {"page", "says", "are"}, "measured": {"page", "command", "on"}, "chosen": {"page", "why"}}  # fmt: skip
+_LENGTHS = {"from": range(2, 20), "measured": range(4, 5), "chosen": range(2, 3)}
+_FIGURES = ("units", "whole tables")
 
 
 def check(root: Path) -> Iterator[str]:
     """One line for every fault."""
-    claims = tomllib.loads((root / CLAIMS).read_text())
-    covered: dict[str, list[tuple[int, int]]] = {}
-    for kind, claim in ((kind, claim) for kind in _KEYS for claim in claims.get(kind, [])):
-        wrong = (set(claim) - _KEYS[kind]) | (_NEEDED[kind] - set(claim))
-        if wrong or ("says" in claim) == ("section" in claim):
-            yield f"{CLAIMS}: [[{kind}]] {claim}: look at {', '.join(sorted(wrong)) or 'says, section'}"
-            continue
-        page = (root / claim["page"]).read_text()
-        places = _places(page, claim)
-        if not places:
-            what = claim.get("says") or f"## {claim['section']}"
-            yield f"{claim['page']} does not say {what!r}, which {CLAIMS} has"
-        covered.setdefault(claim["page"], []).extend(places)
-        if kind == "from":
-            yield from _compare(claim, root)
-    for name, how in claims["accounted"].items():
-        page = (root / name).read_text()
-        for figure in figures(page, whole_tables=how == "whole tables"):
-            if not any(a <= figure.start and figure.end <= b for a, b in covered.get(name, [])):
-                line = page.count("\n", 0, figure.start) + 1
-                yield f"{name}:{line}: {figure.text!r} is accounted for nowhere in {CLAIMS}"
+    for name, claims in tomllib.loads((root / CLAIMS).read_text()).items():
+        yield from check_page(name, claims, root)
 
 
-def _places(page: str, claim: dict[str, Any]) -> list[tuple[int, int]]:
-    if "section" in claim:
-        found = section(page, claim["section"])
+def check_page(name: str, claims: dict[str, Any], root: Path) -> Iterator[str]:
+    """The faults of one page; its `figures` are those with units, or all numbers of its tables as well."""
+    unknown = set(claims) - {"figures", *_LENGTHS}
+    if unknown or claims.get("figures") not in _FIGURES:
+        yield f"{CLAIMS}: {name} has {', '.join(sorted(unknown)) or 'no figures ='}"
+        return
+    page = (root / name).read_text()
+    covered: list[tuple[int, int]] = []
+    for kind, lengths in _LENGTHS.items():
+        for piece, *rest in claims.get(kind, []):
+            places = _places(page, piece)
+            covered += places
+            if not places:
+                yield f"{name} does not say {piece!r}, which {CLAIMS} has"
+            if 1 + len(rest) not in lengths or not all(rest):
+                yield f"{CLAIMS}: {name}, {kind}: {piece!r} lacks where it is from"
+            elif kind == "from":
+                yield from _compare(f"{name}: {piece!r}", numbers(piece), rest, root)
+    for figure in figures(page, whole_tables=claims["figures"] == "whole tables"):
+        if not any(start <= figure.start and figure.end <= end for start, end in covered):
+            line = page.count("\n", 0, figure.start) + 1
+            yield f"{name}:{line}: {figure.text!r} is accounted for nowhere in {CLAIMS}"
+
+
+def _places(page: str, piece: str) -> list[tuple[int, int]]:
+    """Where the page says it, however its lines are broken."""
+    if piece.startswith("## "):
+        found = section(page, piece.removeprefix("## "))
         return [found] if found else []
-    pattern = (
-        r"(?<![\d.])" + r"\s+".join(map(re.escape, claim["says"].split())) + r"(?![\d]|[.,]\d)"
-    )
-    return [match.span() for match in re.finditer(pattern, page)]
+    words = r"\s+".join(map(re.escape, piece.split()))
+    return [match.span() for match in re.finditer(rf"(?<![\d.]){words}(?!\d|[.,]\d)", page)]
 
 
-def _compare(claim: dict[str, Any], root: Path) -> Iterator[str]:
-    where = f"{claim['page']}: {claim['says']!r}"
+def _compare(where: str, said: list[str], sources: list[str], root: Path) -> Iterator[str]:
     try:
-        measured = [value for reference in claim["are"] for value in values(reference, root)]
+        measured = [value for source in sources for value in values(source, root)]
     except SourceError as error:
         yield f"{where}: {error}"
         return
-    said = numbers(claim["says"])
     if len(said) != len(measured):
         yield f"{where} has {len(said)} numbers and its sources {len(measured)}: {measured}"
         return
@@ -82,4 +79,4 @@ def _compare(claim: dict[str, Any], root: Path) -> Iterator[str]:
 def shows(text: str, value: float) -> bool:
     """Whether a number as written is the value, rounded to the digits that it has behind the point."""
     digits = len(text.partition(".")[2])
-    return abs(float(text) - value) <= 0.5 * 10.0**-digits + 1e-9 * abs(value)
+    return abs(float(text) - value) <= 0.5 * 10.0**-digits + 1e-12 * abs(value)

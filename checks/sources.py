@@ -7,7 +7,8 @@
 
 In JSON a segment is a key, an index, `key=value` (those elements of a list), or last a function over all that was
 found; a key after a list is looked up in each element. In a table the first segment is the row's first cells,
-joined by ` + `, the second the column's heading; all numbers of the cell are meant.
+joined by ` + `, the second the column's heading, the third the number's place in the cell (without it: all of
+them). `network: C/N/A/weights` or `.../bytes` is the size of a binarized network, and `A minus B` a difference.
 """
 
 import json
@@ -16,6 +17,8 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
+from bpn_shared.bnn import blob
+from bpn_shared.bnn.spec import NetworkSpec
 from checks.text import numbers, tables
 
 _FUNCTIONS: dict[str, Callable[[Sequence[float]], float]] = {
@@ -33,27 +36,42 @@ def values(reference: str, root: Path) -> list[float]:
     Raises:
         SourceError: it leads nowhere.
     """
-    name, found, path = reference.partition(": ")
+    first, found, second = reference.partition(" minus ")
+    if found:
+        return [a - b for a, b in zip(values(first, root), values(second, root), strict=True)]
+    name, found, rest = reference.partition(": ")
+    path, _, factor = rest.partition(" * ")
+    return [value * float(factor or 1) for value in _read(name, path, root)]
+
+
+def _read(name: str, path: str, root: Path) -> list[float]:
+    if name == "network":
+        return [_network(path)]
     file = root / name
-    if not found or not file.is_file():
-        raise SourceError(f"{reference!r} begins with no file that is there")
-    path, _, factor = path.partition(" * ")
+    if not path or not file.is_file():
+        raise SourceError(f"{name!r} is no file that is there")
     if file.suffix == ".md":
-        read = _cell(file.read_text(), path)
-    else:
-        read = _json_values(json.loads(file.read_bytes()), path)
-    return [value * float(factor or 1) for value in read]
+        return _cell(file.read_text(), path)
+    return _json_values(json.loads(file.read_bytes()), path)
 
 
 def _cell(page: str, path: str) -> list[float]:
-    row_key, found, column = path.partition(" / ")
+    row_key, column, *place = [*path.split(" / "), ""][:3]
     key = row_key.split(" + ")
     for heading, *rows in tables(page):
-        if found and column in heading:
-            for row in rows:
-                if row[: len(key)] == key:
-                    return [float(number) for number in numbers(row[heading.index(column)])]
+        for row in rows:
+            if column in heading and row[: len(key)] == key:
+                found = [float(number) for number in numbers(row[heading.index(column)])]
+                return found if place == [""] else [found[int(place[0])]]
     raise SourceError(f"no table has a row {row_key!r} and a column {column!r}")
+
+
+def _network(path: str) -> float:
+    channels, nodes, actions, what = path.split("/")
+    spec = NetworkSpec(channels=int(channels), nodes=int(nodes), actions=int(actions))
+    if what == "bytes":
+        return blob.encoded_size(spec)
+    return sum(layer.out_channels * layer.fan_in for layer in spec.layers)
 
 
 def _json_values(value: Any, path: str) -> list[float]:

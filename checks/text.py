@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 NUMBER = r"(?<![\w.,])-?\d+(?:,\d{3})*(?:\.\d+)?"
 _UNIT = (
-    r"us|µs|ms|s|min|px|%|x|KB|kB|KiB|MB|MiB|GB|GMAC/s|seconds?|minutes?|hours?|steps?|times|bytes|weights|seeds?|"
-    r"trials?|runs?|points|updates|frames|fps|per second|a second|of a core"
+    r"us|µs|ms|s|min|px|%|x(?! ?\d)|KB|kB|KiB|MB|MiB|GB|GMAC/s|seconds?|minutes?|hours?|steps?|times|bytes|"
+    r"weights|seeds?|trials?|runs?|points|updates|frames|fps|per second|a second|of a core"
 )
 _FIGURE = re.compile(rf"{NUMBER}(?:/s|[ -]?(?:{_UNIT})(?![\w/])(?:/s)?)")
 _ANY_NUMBER = re.compile(NUMBER)
