@@ -137,6 +137,9 @@ def test_a_heat_map_cell_holds_a_value_of_each_seed() -> None:
     ]
     assert cells[0]["best_return_px"].tolist() == [-800, -790, -780]
     assert "| 16 | 0 | 3 | -790 (-800 to -780) |" in TARGETS["heatmap"].table(made("heatmap"))
+    short = made("heatmap")
+    short["runs"] = [run | {"returns_px": run["returns_px"][:2]} for run in short["runs"]]
+    assert "last 2 iterations" in TARGETS["heatmap"].table(short)
 
 
 def test_the_tracking_time_table_pools_trials_and_shows_every_seed() -> None:

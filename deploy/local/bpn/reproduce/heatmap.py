@@ -24,10 +24,6 @@ NODES = (16, 32, 100, 256)
 ALPHAS = (0.0, 0.5, 0.8, 0.95)
 _QUICK_ALPHAS = (0.0, 0.95)
 
-_PANELS = {
-    "best_return_px": "best iteration's return (px)",
-    "last_return_px": f"return, last {LAST} iterations (px)",
-}
 _FORM = "{:.0f}"
 
 
@@ -60,11 +56,20 @@ def cells(document: Document) -> list[dict[str, Any]]:
     return sorted(found, key=lambda cell: (cell["nodes"], cell["alpha"]))
 
 
+def _panels(document: Document) -> dict[str, str]:
+    """Which values are shown, with their names."""
+    last = min(LAST, *(len(run["returns_px"]) for run in document["runs"]))
+    return {
+        "best_return_px": "best iteration's return (px)",
+        "last_return_px": f"return, last {last} iterations (px)",
+    }
+
+
 def draw(document: Document) -> Figure:
     """One map for each value; every cell with its mean and range."""
-    found = cells(document)
-    figure, (row,) = new_figure(1, len(_PANELS), 9.0, 4.4)
-    for axes, (name, label) in zip(row, _PANELS.items(), strict=True):
+    found, panels = cells(document), _panels(document)
+    figure, (row,) = new_figure(1, len(panels), 9.0, 4.4)
+    for axes, (name, label) in zip(row, panels.items(), strict=True):
         _map(axes, found, name)
         axes.set_title(label, fontsize=10)
     how = "a cell: mean over seeds, in brackets from the lowest to the highest seed"
@@ -94,16 +99,17 @@ def _map(axes: Axes, found: list[dict[str, Any]], name: str) -> None:
 
 def table(document: Document) -> str:
     """Every cell."""
+    panels = _panels(document)
     rows = [
         [
             cell["nodes"],
             f"{cell['alpha']:g}",
             cell["seeds"],
-            *(mean_and_range(cell[name], _FORM) for name in _PANELS),
+            *(mean_and_range(cell[name], _FORM) for name in panels),
         ]
         for cell in cells(document)
     ]
-    heading = ["N", "alpha", "seeds", *_PANELS.values()]
+    heading = ["N", "alpha", "seeds", *panels.values()]
     return f"{markdown_table(heading, rows)}\n\nIn brackets: from the lowest to the highest seed."
 
 
