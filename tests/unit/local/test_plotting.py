@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 from matplotlib.collections import PolyCollection
@@ -34,8 +34,10 @@ def check_inside(figure: Figure) -> None:
             assert min(artist.bbox.width, artist.bbox.height) > 15  # not squeezed to nothing
 
 
-@settings(max_examples=25)
+@settings(max_examples=12)
 @given(WIDTHS_IN, LABELS, st.integers(1, 3))
+@example(5.7, [f"greedy on the truth ({number})" for number in range(4)], 1)
+@example(5.0, ["a label that is nearly as long as its page is wide", "b", "c"], 2)
 def test_title_and_legend_are_inside_the_figure(
     width_in: float, labels: list[str], columns: int
 ) -> None:
@@ -77,7 +79,6 @@ def test_every_figure_fits_and_says_when_it_is_a_quick_version(name: str) -> Non
         assert (QUICK in figure.get_suptitle()) is quick
 
 
-@settings(max_examples=25)
 @given(
     arrays.arrays(
         np.float64,
