@@ -6,7 +6,7 @@ from dataclasses import replace
 import pytest
 
 from bpn.bench import loop
-from bpn_shared.config import ConfigError
+from bpn_shared.errors import InputError
 
 
 @pytest.mark.parametrize(("pace", "period_ms"), [("hot", 0), ("own", 145)])
@@ -48,5 +48,5 @@ def test_a_tick_is_a_period_after_the_last_and_lost_ones_are_not_made_up_for(
 
 
 def test_an_unknown_pace_is_refused() -> None:
-    with pytest.raises(ConfigError, match="--pace fast: there are hot, own"):
+    with pytest.raises(InputError, match="--pace fast: there are hot, own"):
         loop.run(pace="fast")

@@ -30,7 +30,8 @@ from bpn.supervisor import Service, Supervisor, services_of_run
 from bpn_robot_sim.robot import make_robot
 from bpn_shared.bus.echo import request_times_us, round_trips_us
 from bpn_shared.bus.session import Bus
-from bpn_shared.config import ConfigError, RunConfig
+from bpn_shared.config import RunConfig
+from bpn_shared.errors import InputError
 from bpn_shared.messages.action import Action
 from bpn_shared.messages.frame import FrameHeader, FrameKind
 from bpn_shared.tasks import TASKS
@@ -75,10 +76,10 @@ def run(*, pace: str = "hot") -> dict[str, Any]:
         p50 to theirs, steps_per_s, inference_us: medians of the rounds; targets (hot), machine.
 
     Raises:
-        ConfigError: there is no such pace.
+        InputError: there is no such pace.
     """
     if pace not in PACES:
-        raise ConfigError(f"--pace {pace}: there are {', '.join(PACES)}")
+        raise InputError(f"--pace {pace}: there are {', '.join(PACES)}")
     chosen, measured_on = PACES[pace], machine()  # its load before the measurement adds its own
     with tempfile.TemporaryDirectory(prefix="bpn-bench-") as directory:
         measured = [_round(Path(directory), index, chosen) for index in range(chosen.rounds)]
