@@ -174,6 +174,8 @@ def table(document: Document) -> str:
         "steps", "worse than CVI", *(["best iteration (px)"] if best_iterations else []),
     ]  # fmt: skip
     notes = "In brackets: from the lowest to the highest seed."
+    if document["target"] == "reaching":
+        notes += " Every episode has the same start and the same target."
     if not best_iterations:
         notes += (
             " An episode that is lost early returns more, since nothing is paid for the steps that are missing. "
