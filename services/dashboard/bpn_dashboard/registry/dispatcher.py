@@ -97,6 +97,8 @@ class Dispatcher:
         if leading != self._leading:
             self.desk.settle()
             self._leading = leading
+            if self._responder is not None:
+                self._responder.close()
             self._responder = self._respond() if leading else None
             self._news.set()
 

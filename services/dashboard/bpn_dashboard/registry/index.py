@@ -19,6 +19,7 @@ from bpn_dashboard.registry.about import SWEEPS, SweepFile
 from bpn_dashboard.registry.folders import Signature, candidates, row_of, signature, why_none
 from bpn_shared.config import ConfigError
 from bpn_shared.runs.folder import RunFolder
+from bpn_shared.runs.opening import file_names
 
 log = logging.getLogger(__name__)
 
@@ -158,9 +159,9 @@ class Index:
 
     def _sweeps(self, damaged: list[str]) -> list[SweepRow]:
         sweeps = []
-        for path in sorted((self._runs_dir / SWEEPS).glob("*.json")):
+        for name in file_names(self._runs_dir, SWEEPS, suffix=".json"):
             try:
-                sweeps.append(SweepFile.read(path))
+                sweeps.append(SweepFile.read(self._runs_dir, name))
             except ConfigError as error:
                 damaged.append(str(error))
         return sweeps
