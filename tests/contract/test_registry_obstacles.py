@@ -125,7 +125,7 @@ def test_a_refused_worker_says_so_and_asks_seldom(
         "the registry, which refuses this worker: edge edge-1 speaks protocol 1"
     )
     assert len(asked) == 1
-    del registry
+    registry.close()
 
 
 @pytest.mark.usefixtures("impatient")
@@ -187,7 +187,7 @@ def test_a_learner_that_hangs_with_its_token_loses_its_place_to_an_idle_one(
     begin_s = time.monotonic()
     while time.monotonic() - begin_s < 2.0:  # it says nothing of itself, but it answers
         assert idle.ask().verdict == "wait"
-    del health
+    health.close()
     assert idle.work(wait_for).run == row.id
     wait_for(lambda: hung.released, "the one that hung to be told")
 
