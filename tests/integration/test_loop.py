@@ -11,7 +11,7 @@ import psutil
 import pytest
 import torch
 
-from bpn_learner.checkpoint import load_checkpoint
+from bpn_learner.checkpoint import decode_checkpoint
 from bpn_learner.networks import BinaryNetwork
 from bpn_learner.update import make_optimizer
 from bpn_shared.bnn import golden
@@ -76,7 +76,7 @@ def test_after_training_the_folded_blob_is_the_evaluated_network(
         config.network, scale_initial=config.scale_initial, generator=torch.Generator()
     )
     optimizer = make_optimizer(network, config.learning_rate)
-    assert load_checkpoint(folder.checkpoint_path, network, optimizer) == 4
+    assert decode_checkpoint(folder.checkpoint_path.read_bytes(), network, optimizer) == 4
     network.eval()
     blob = folder.newest_weights()
     frames = np.concatenate(

@@ -99,6 +99,7 @@ def run_to_end(
             f"run {folder.run} is being learned already: wait for its end, or stop it where it runs"
         )
     config = folder.config()
+    folder.state()  # what cannot be read is said before anything starts
     supervisor = Supervisor(
         services_of_run(folder.run, config, folder.path.parent, endpoint), folder.logs
     )
