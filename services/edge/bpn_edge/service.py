@@ -4,15 +4,15 @@ import logging
 from contextlib import closing
 
 from bpn_edge.decisions import DecisionFeed
-from bpn_edge.driver import Choose, EpisodeDriver
-from bpn_edge.learner_link import LearnerLink, Pace
+from bpn_edge.driver import Choose, EpisodeDriver, EpisodeFault
+from bpn_edge.learner_link import LearnerLink, Pace, RefusedAgainError
 from bpn_edge.memory import WeightMemory
 from bpn_edge.policy import epsilon_greedy_action, softmax_action
 from bpn_edge.robot_link import RobotLink
 from bpn_shared.bus.weights import WeightsSubscriber
 from bpn_shared.config import RunConfig
 from bpn_shared.entry import run_slot_worker
-from bpn_shared.messages.base import MessageError
+from bpn_shared.faults import FaultReporter
 from bpn_shared.messages.control import Assignment
 from bpn_shared.weights import Weights
 from bpn_shared.worker import EXIT_FINISHED, Worker
@@ -20,7 +20,6 @@ from bpn_shared.worker import EXIT_FINISHED, Worker
 log = logging.getLogger(__name__)
 
 _WEIGHTS_TIMEOUT_S = 1.0
-_AGAIN_S = 0.02
 _SILENCE_S = 1.0
 
 
@@ -33,10 +32,10 @@ def chooser(config: RunConfig, assignment: Assignment, scale: float) -> Choose:
 
 def serve(worker: Worker, config: RunConfig) -> int:
     """Plays what the learner assigns, until there is no more or the worker is stopped."""
-    task = config.task_spec
+    task, faults = config.task_spec, FaultReporter(worker)
     memory = WeightMemory(config.kernel, worker.counters)
 
-    def load(weights: Weights) -> None:
+    def take(weights: Weights) -> None:
         if memory.offer(weights):
             worker.weights.note("loaded", weights)
 
@@ -44,27 +43,27 @@ def serve(worker: Worker, config: RunConfig) -> int:
         worker.bus,
         worker.run,
         config.network,
-        load,
+        take,
         worker.counters,
+        held=lambda: memory.rank,
         kind=config.algorithm_spec.network,
     )
     period_s = task.control_period_s if config.pacing == "realtime" else 0.0
     with closing(DecisionFeed(worker)) as feed:
         driver = EpisodeDriver(
             worker,
-            task,
+            config,
             RobotLink(worker, task),
             memory,
             feed,
-            steps=config.steps,
             silence_s=max(_SILENCE_S, 5 * period_s),
         )
         learner, pace = LearnerLink(worker), Pace()
         while not worker.stop.is_set():
             newest = memory.newest
-            assignment = _ask(learner, worker, newest)
+            assignment = learner.next_episode(newest)
             if assignment is None:
-                continue
+                break
             if assignment.verdict == "finished":
                 log.info("the run is finished")
                 break
@@ -74,27 +73,28 @@ def serve(worker: Worker, config: RunConfig) -> int:
                     pace.quicken()
                 continue
             pace.quicken()
-            if not memory.activate(assignment.weights_version, _WEIGHTS_TIMEOUT_S):
-                worker.waiting.set(f"weights version {assignment.weights_version}")
+            at = assignment.iteration, assignment.episode
+            version, attempt = assignment.weights_version, assignment.weights_attempt
+            if not memory.activate(version, _WEIGHTS_TIMEOUT_S, attempt=attempt):
+                hopeless = memory.why_never(version)
+                worker.waiting.set(hopeless or f"weights version {version} of attempt {attempt}")
+                if hopeless is not None:
+                    faults.tell(*at, hopeless)
                 subscriber.refresh()
                 continue
             worker.waiting.done()
             assert memory.weights is not None  # activate() said so
             worker.weights.note("running", memory.weights)
             feed.scale = memory.weights.scale
-            episode = driver.play(assignment, chooser(config, assignment, memory.weights.scale))
-            if episode is not None:
-                learner.deliver(episode)
+            try:
+                episode = driver.play(assignment, chooser(config, assignment, memory.weights.scale))
+                if episode is not None:
+                    learner.deliver(episode)
+            except EpisodeFault as fault:
+                faults.tell(*at, str(fault))
+            except RefusedAgainError as refusal:
+                faults.tell(*at, f"the learner refuses the episode: {refusal}")
     return EXIT_FINISHED
-
-
-def _ask(learner: LearnerLink, worker: Worker, version: int | None) -> Assignment | None:
-    try:
-        return learner.next_episode(version)
-    except MessageError as error:
-        worker.counters.refuse("answers_refused", str(error))
-        worker.stop.wait(_AGAIN_S)
-        return None
 
 
 def main(argv: list[str] | None = None) -> int:
