@@ -1,15 +1,14 @@
 """Telling the learner that an episode cannot be had: it fails the run when it hears the same again and again."""
 
-import random
-
 from bpn_shared import keys
+from bpn_shared.backoff import Backoff
 from bpn_shared.bus.requests import NoReplyError, RefusedError, request
 from bpn_shared.messages.base import MessageError
 from bpn_shared.messages.control import MAX_REASON, Fault, FaultReceipt
 from bpn_shared.worker import Worker
 
 _TIMEOUT_S = 2.0
-_FIRST_PAUSE_S, _LONGEST_PAUSE_S = 0.2, 10.0
+_LONGEST_PAUSE_S = 10.0
 
 
 class FaultReporter:
@@ -21,7 +20,7 @@ class FaultReporter:
 
     def __init__(self, worker: Worker) -> None:
         self._worker = worker
-        self._pause_s = _FIRST_PAUSE_S
+        self._backoff = Backoff(most_s=_LONGEST_PAUSE_S)
 
     def tell(self, iteration: int, episode: int, reason: str) -> bool:
         """Whether the learner knows it now.
@@ -41,8 +40,7 @@ class FaultReporter:
             FaultReceipt.decode(answer)
         except (NoReplyError, RefusedError, MessageError) as error:
             worker.counters.refuse("faults_unanswered", f"the learner took no note: {error}")
-            worker.stop.wait(self._pause_s * random.uniform(0.5, 1.0))  # noqa: S311 - only apart
-            self._pause_s = min(2 * self._pause_s, _LONGEST_PAUSE_S)
+            worker.stop.wait(self._backoff.next_s())
             return False
-        self._pause_s = _FIRST_PAUSE_S
+        self._backoff.reset()
         return True

@@ -22,6 +22,7 @@ from bpn_shared.messages.episode import Episode
 from bpn_shared.messages.frame import FrameHeader, FrameKind
 from bpn_shared.outputs import Outputs
 from bpn_shared.seeds import action_uniform
+from bpn_shared.watchdog import STEPS_PLAYED
 from bpn_shared.worker import Worker
 
 log = logging.getLogger(__name__)
@@ -233,6 +234,7 @@ class _Game:
         self._link.send(self._answer)
         self._recorder.add_outputs(outputs, inference_ns, self._answer.edge_ns)
         self._feed.note(self._assignment, self._answer, outputs)
+        self._worker.counters.add(STEPS_PLAYED)
 
     def _finish(self) -> None:
         for name, durations_us in self._recorder.latencies_us().items():

@@ -5,7 +5,7 @@ from contextlib import closing
 
 from bpn_edge.decisions import DecisionFeed
 from bpn_edge.driver import Choose, EpisodeDriver, EpisodeFault
-from bpn_edge.learner_link import LearnerLink, Pace, RefusedAgainError
+from bpn_edge.learner_link import LearnerLink, Pace
 from bpn_edge.memory import WeightMemory
 from bpn_edge.policy import epsilon_greedy_action, softmax_action
 from bpn_edge.robot_link import RobotLink
@@ -92,8 +92,6 @@ def serve(worker: Worker, config: RunConfig) -> int:
                     learner.deliver(episode)
             except EpisodeFault as fault:
                 faults.tell(*at, str(fault))
-            except RefusedAgainError as refusal:
-                faults.tell(*at, f"the learner refuses the episode: {refusal}")
     return EXIT_FINISHED
 
 

@@ -62,12 +62,13 @@ def test_return_and_success_come_from_what_was_seen() -> None:
 def test_the_summary_is_in_the_units_of_table_two() -> None:
     outcomes = [Outcome(-800.0, 40, False, True, 0), Outcome(-100.0, 10, True, False, 2)]
     summary = summarize(TRACKING, outcomes)
-    assert summary["return_px"] == {"mean": -450.0, "std": 350.0}
-    assert summary["px_per_step"] == {"mean": -15.0, "std": 5.0}
+    assert summary["return_px"] == {"mean": -450.0, "std": 494.975}
+    assert summary["px_per_step"] == {"mean": -15.0, "std": 7.071}
     assert summary["tracking_time"] == {"steps": 25.0, "seconds": 3.625, "percent": 62.5}
     assert (summary["success_share"], summary["terminated"]) == (0.5, 1)
     assert summary["deadline_misses"] == 2
     assert (summary["lengths"], summary["successes"]) == ([40, 10], [True, False])
+    assert summarize(TRACKING, outcomes[:1])["return_px"] == {"mean": -800.0, "std": None}
     with pytest.raises(ValueError, match="nothing was played"):
         summarize(TRACKING, [])
 
