@@ -3,6 +3,7 @@
 import re
 import threading
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from typing import Any
 
 import gymnasium
@@ -11,13 +12,14 @@ import pytest
 from gymnasium.spaces import Box, Discrete
 from learner_side import RUN, LearnerSide
 
+from bpn.evaluation.host import EVALUATION, TrialHost
 from bpn_edge import memory as edge_memory
 from bpn_edge import service as edge
 from bpn_edge.kernel.native import NativeKernel
 from bpn_robot_sim import service as robot_sim
 from bpn_shared import keys
 from bpn_shared.bnn import golden
-from bpn_shared.bnn.blob import BlobError
+from bpn_shared.bnn.blob import BlobError, WeightBlob
 from bpn_shared.bus.latest import LatestPublisher, LatestSubscriber
 from bpn_shared.bus.requests import Responder
 from bpn_shared.bus.session import Bus
@@ -382,3 +384,22 @@ def test_a_bit_that_flips_in_the_running_bank_is_mended_before_the_next_episode(
         episode = learner.next_delivery()
     plays(episode, blob)
     assert len(banks) == 2
+
+
+def test_a_trial_that_cannot_be_played_ends_the_evaluation_with_the_reason(
+    open_bus: OpenBus,
+    running: Callable[..., Running],
+    monkeypatch: pytest.MonkeyPatch,
+    wait_for: Callable[..., None],
+) -> None:
+    blob = replace(WeightBlob.random(TRAP.network, np.random.default_rng(0)), run=RUN)
+    host = TrialHost(open_bus(), RUN, TRAP, blob, count=2, policy="greedy")
+    robot = running("robot_sim", robot_sim.serve, TRAP)
+    wait_for(lambda: robot.worker.waiting.snapshot()[0], "the robot to wait")
+    monkeypatch.setattr(Trap, "trap", staticmethod(raises))
+    running("edge", edge.serve, TRAP)
+    assert host.over.wait(30)
+    assert host.failure == (
+        "trial 0 cannot be played: gym:bpn-test/Trap-v0: step raised ValueError: the last line at step 4 "
+        f"(seed {episode_seed(TRAP.seed, EVALUATION, 0)})"
+    )
