@@ -1,8 +1,10 @@
 """The certificates of a role, as a folder of three files, and what Zenoh is told about them."""
 
 import os
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
+from bpn_shared.bus.x509 import facts_of
 from bpn_shared.config import ConfigError
 
 AUTHORITY, CERTIFICATE, KEY = "authority.pem", "certificate.pem", "key.pem"
@@ -17,6 +19,12 @@ class CertificateError(ConfigError):
     """There is no certificate where one is needed; the message says where it was looked for."""
 
 
+def certificates_folder() -> Path | None:
+    """The folder with this service's certificates that the environment names, if it does."""
+    named = os.environ.get(FOLDER_VARIABLE)
+    return Path(named) if named else None
+
+
 def client_tls(endpoint: str) -> dict[str, object]:
     """Zenoh's TLS settings of a client, from the folder that the environment names; {} without TLS.
 
@@ -25,13 +33,12 @@ def client_tls(endpoint: str) -> dict[str, object]:
     """
     if not endpoint.startswith(("tls/", "quic/")):
         return {}
-    named = os.environ.get(FOLDER_VARIABLE)
-    if not named:
+    folder = certificates_folder()
+    if folder is None:
         raise CertificateError(
             f"{endpoint} needs certificates: name the folder with {', '.join(_FILES)} "
             f"in {FOLDER_VARIABLE} (`bpn-certificates` makes them)"
         )
-    folder = Path(named)
     for name in _FILES:
         if not os.access(folder / name, os.R_OK):
             raise CertificateError(f"{folder / name} cannot be read ({FOLDER_VARIABLE})")
@@ -43,3 +50,13 @@ def client_tls(endpoint: str) -> dict[str, object]:
         "verify_name_on_connect": True,
         "close_link_on_expiration": True,
     }
+
+
+def days_left(path: Path) -> float:
+    """For how many days the certificate in a PEM file is still good; below 0: it has expired.
+
+    Raises:
+        OSError: it cannot be read.
+        ValueError: there is none in it.
+    """
+    return (facts_of(path).end - datetime.now(UTC)) / timedelta(days=1)
