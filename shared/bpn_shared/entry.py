@@ -2,6 +2,7 @@
 
 import argparse
 import logging
+<<<<<<< HEAD
 from collections.abc import Callable
 from dataclasses import replace
 from uuid import UUID
@@ -10,6 +11,15 @@ from bpn_shared.bus.router_watch import RouterLostError, RouterWatch
 from bpn_shared.bus.session import DEFAULT_ENDPOINT, Bus, BusError, prepare_process
 from bpn_shared.config import RunConfig
 from bpn_shared.errors import InputError, one_line
+=======
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
+from uuid import UUID
+
+from bpn_shared.bus.requests import Responder
+from bpn_shared.bus.session import DEFAULT_ENDPOINT, Bus, BusError
+from bpn_shared.config import ConfigError, RunConfig
+>>>>>>> main
 from bpn_shared.heartbeat import Heartbeat
 from bpn_shared.leased import LeaseLoop
 from bpn_shared.messages.lease import Role
@@ -53,8 +63,20 @@ def argument_parser(kind: Role, description: str | None) -> argparse.ArgumentPar
     return parser
 
 
+<<<<<<< HEAD
 def run_worker(
     kind: Role, options: argparse.Namespace, serve: Serve, *, holds_on_s: float | None = None
+=======
+Answers = Mapping[str, Callable[[bytes], bytes]]
+"""By key, what a worker answers there whether it is idle or not (`Responder`'s handlers)."""
+
+
+def run_worker(
+    kind: Role,
+    options: argparse.Namespace,
+    serve: Serve,
+    answers: Answers = MappingProxyType({}),
+>>>>>>> main
 ) -> int:
     """Sets up logging, signals and session, announces the worker, serves, and closes again.
 
@@ -74,6 +96,7 @@ def run_worker(
     stop = stop_on_signals()
     end_with_supervisor()
     try:
+<<<<<<< HEAD
         with (
             Heartbeat(lambda: False) as heartbeat,
             Bus(options.connect, stop=stop) as bus,
@@ -88,6 +111,26 @@ def run_worker(
                     return LeaseLoop(process, options.place).run(serve)
                 return _serve_run(process, options.run, slot, serve)
     except (InputError, RunOwnedError) as error:
+=======
+        with Bus(options.connect, stop=stop) as bus, Heartbeat(lambda: bus.connected):
+            process = WorkerProcess(kind=kind, id=new_worker_id(kind), bus=bus, stop=stop)
+            responders = [
+                Responder(bus, key, handler, process.counters) for key, handler in answers.items()
+            ]
+            if options.run is None:
+                status = LeaseLoop(process, options.place).run(serve)
+                del responders
+                return status
+            announced = process.announce(lambda: (options.run, slot))
+            log.info("%s serves run %s, slot %d", process.id, options.run, slot)
+            status = serve(process.at(options.run, slot, bus, stop))
+            del announced, responders
+            return status
+    except BusError as error:
+        log.error("%s", error)
+        return EXIT_FINISHED if stop.is_set() else EXIT_FAILED
+    except (ConfigError, RunOwnedError) as error:
+>>>>>>> main
         log.error("%s", error)
         return EXIT_UNRECOVERABLE
     except BusError as error:
@@ -110,6 +153,7 @@ def run_slot_worker(
     description: str | None,
     serve: Callable[[Worker, RunConfig], int],
     argv: list[str] | None = None,
+    answers: Answers = MappingProxyType({}),
 ) -> int:
     """Runs a worker of one slot, which gets its configuration from the run's learner."""
     parser = argument_parser(kind, description)
@@ -122,4 +166,4 @@ def run_slot_worker(
         config = fetch_config(worker)
         return EXIT_FINISHED if config is None else serve(worker, config)
 
-    return run_worker(kind, options, serve_configured)
+    return run_worker(kind, options, serve_configured, answers)
