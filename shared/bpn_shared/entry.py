@@ -2,24 +2,17 @@
 
 import argparse
 import logging
-<<<<<<< HEAD
-from collections.abc import Callable
-from dataclasses import replace
-from uuid import UUID
-
-from bpn_shared.bus.router_watch import RouterLostError, RouterWatch
-from bpn_shared.bus.session import DEFAULT_ENDPOINT, Bus, BusError, prepare_process
-from bpn_shared.config import RunConfig
-from bpn_shared.errors import InputError, one_line
-=======
 from collections.abc import Callable, Mapping
+from contextlib import ExitStack
+from dataclasses import replace
 from types import MappingProxyType
 from uuid import UUID
 
 from bpn_shared.bus.requests import Responder
-from bpn_shared.bus.session import DEFAULT_ENDPOINT, Bus, BusError
-from bpn_shared.config import ConfigError, RunConfig
->>>>>>> main
+from bpn_shared.bus.router_watch import RouterLostError, RouterWatch
+from bpn_shared.bus.session import DEFAULT_ENDPOINT, Bus, BusError, prepare_process
+from bpn_shared.config import RunConfig
+from bpn_shared.errors import InputError, one_line
 from bpn_shared.heartbeat import Heartbeat
 from bpn_shared.leased import LeaseLoop
 from bpn_shared.messages.lease import Role
@@ -63,10 +56,6 @@ def argument_parser(kind: Role, description: str | None) -> argparse.ArgumentPar
     return parser
 
 
-<<<<<<< HEAD
-def run_worker(
-    kind: Role, options: argparse.Namespace, serve: Serve, *, holds_on_s: float | None = None
-=======
 Answers = Mapping[str, Callable[[bytes], bytes]]
 """By key, what a worker answers there whether it is idle or not (`Responder`'s handlers)."""
 
@@ -76,7 +65,8 @@ def run_worker(
     options: argparse.Namespace,
     serve: Serve,
     answers: Answers = MappingProxyType({}),
->>>>>>> main
+    *,
+    holds_on_s: float | None = None,
 ) -> int:
     """Sets up logging, signals and session, announces the worker, serves, and closes again.
 
@@ -96,41 +86,21 @@ def run_worker(
     stop = stop_on_signals()
     end_with_supervisor()
     try:
-<<<<<<< HEAD
-        with (
-            Heartbeat(lambda: False) as heartbeat,
-            Bus(options.connect, stop=stop) as bus,
-        ):
+        with ExitStack() as stack:
+            heartbeat = stack.enter_context(Heartbeat(lambda: False))
+            bus = stack.enter_context(Bus(options.connect, stop=stop))
             heartbeat.ready_when(lambda: bus.connected)
             process = WorkerProcess(
                 kind=kind, id=new_worker_id(kind), bus=bus, stop=stop, holds_on_s=holds_on_s
             )
-            with RouterWatch(bus, process.waiting, process.counters) as router:
-                process = replace(process, router=router)
-                if options.run is None:
-                    return LeaseLoop(process, options.place).run(serve)
-                return _serve_run(process, options.run, slot, serve)
-    except (InputError, RunOwnedError) as error:
-=======
-        with Bus(options.connect, stop=stop) as bus, Heartbeat(lambda: bus.connected):
-            process = WorkerProcess(kind=kind, id=new_worker_id(kind), bus=bus, stop=stop)
-            responders = [
-                Responder(bus, key, handler, process.counters) for key, handler in answers.items()
-            ]
+            router = stack.enter_context(RouterWatch(bus, process.waiting, process.counters))
+            process = replace(process, router=router)
+            for key, handler in answers.items():
+                stack.enter_context(Responder(bus, key, handler, process.counters))
             if options.run is None:
-                status = LeaseLoop(process, options.place).run(serve)
-                del responders
-                return status
-            announced = process.announce(lambda: (options.run, slot))
-            log.info("%s serves run %s, slot %d", process.id, options.run, slot)
-            status = serve(process.at(options.run, slot, bus, stop))
-            del announced, responders
-            return status
-    except BusError as error:
-        log.error("%s", error)
-        return EXIT_FINISHED if stop.is_set() else EXIT_FAILED
-    except (ConfigError, RunOwnedError) as error:
->>>>>>> main
+                return LeaseLoop(process, options.place).run(serve)
+            return _serve_run(process, options.run, slot, serve)
+    except (InputError, RunOwnedError) as error:
         log.error("%s", error)
         return EXIT_UNRECOVERABLE
     except BusError as error:
