@@ -20,7 +20,14 @@ from secure_router import SecureRouter
 from bpn_certificates import authority as x509
 from bpn_certificates.authority import Validity
 from bpn_certificates.folders import make
-from bpn_shared.bus.certificates import AUTHORITY, CERTIFICATE, FOLDER_VARIABLE, KEY, days_left
+from bpn_shared.bus.certificates import (
+    AUTHORITY,
+    CERTIFICATE,
+    FOLDER_VARIABLE,
+    KEY,
+    CertificateFiles,
+    days_left,
+)
 from bpn_shared.bus.obstacle import obstacle, plain
 from bpn_shared.bus.session import Bus, BusError
 from bpn_shared.bus.x509 import facts
@@ -91,7 +98,7 @@ def test_a_name_that_is_not_in_the_certificate_is_named(
 
 
 def test_who_is_let_in_meets_no_obstacle(router: SecureRouter) -> None:
-    folder = router.certificates / "edge"
+    folder = CertificateFiles.in_folder(router.certificates / "edge")
     assert obstacle(router.endpoint, folder) == ""
     elsewhere = router.endpoint.replace("localhost", "127.0.0.1")
     assert obstacle(elsewhere, folder)
@@ -106,7 +113,9 @@ def test_an_expired_router_is_named_with_its_date(router: SecureRouter, tmp_path
     context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
     context.load_cert_chain(tmp_path / CERTIFICATE, tmp_path / KEY)
     with serving(context) as port:
-        said = obstacle(f"tls/localhost:{port}", router.certificates / "edge")
+        said = obstacle(
+            f"tls/localhost:{port}", CertificateFiles.in_folder(router.certificates / "edge")
+        )
     end = f"{expired.certificate.not_valid_after_utc:%Y-%m-%d %H:%M:%S}"
     assert said == f"the router's certificate (router) expired {end} UTC"
 
@@ -131,7 +140,9 @@ def serving(context: ssl.SSLContext) -> Iterator[int]:
 
 def test_something_that_speaks_no_tls_is_named(router: SecureRouter, endpoint: str) -> None:
     port = endpoint.rpartition(":")[2]
-    said = obstacle(f"tls/127.0.0.1:{port}", router.certificates / "edge")
+    said = obstacle(
+        f"tls/127.0.0.1:{port}", CertificateFiles.in_folder(router.certificates / "edge")
+    )
     assert "TLS" in said
 
 

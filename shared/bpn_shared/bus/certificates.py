@@ -3,6 +3,7 @@
 import os
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
+from typing import NamedTuple, Self
 
 from bpn_shared.bus.x509 import facts_of
 from bpn_shared.config import ConfigError
@@ -19,10 +20,23 @@ class CertificateError(ConfigError):
     """There is no certificate where one is needed; the message says where it was looked for."""
 
 
-def certificates_folder() -> Path | None:
-    """The folder with this service's certificates that the environment names, if it does."""
+class CertificateFiles(NamedTuple):
+    """Where a service's three files are."""
+
+    authority: Path
+    certificate: Path
+    key: Path
+
+    @classmethod
+    def in_folder(cls, folder: Path) -> Self:
+        """Under their usual names."""
+        return cls(folder / AUTHORITY, folder / CERTIFICATE, folder / KEY)
+
+
+def own_certificates() -> CertificateFiles | None:
+    """This service's, in the folder that the environment names, if it does."""
     named = os.environ.get(FOLDER_VARIABLE)
-    return Path(named) if named else None
+    return CertificateFiles.in_folder(Path(named)) if named else None
 
 
 def client_tls(endpoint: str) -> dict[str, object]:
@@ -33,19 +47,19 @@ def client_tls(endpoint: str) -> dict[str, object]:
     """
     if not endpoint.startswith(("tls/", "quic/")):
         return {}
-    folder = certificates_folder()
-    if folder is None:
+    files = own_certificates()
+    if files is None:
         raise CertificateError(
             f"{endpoint} needs certificates: name the folder with {', '.join(_FILES)} "
             f"in {FOLDER_VARIABLE} (`bpn-certificates` makes them)"
         )
-    for name in _FILES:
-        if not os.access(folder / name, os.R_OK):
-            raise CertificateError(f"{folder / name} cannot be read ({FOLDER_VARIABLE})")
+    for path in files:
+        if not os.access(path, os.R_OK):
+            raise CertificateError(f"{path} cannot be read ({FOLDER_VARIABLE})")
     return {
-        "root_ca_certificate": str(folder / AUTHORITY),
-        "connect_certificate": str(folder / CERTIFICATE),
-        "connect_private_key": str(folder / KEY),
+        "root_ca_certificate": str(files.authority),
+        "connect_certificate": str(files.certificate),
+        "connect_private_key": str(files.key),
         "enable_mtls": True,
         "verify_name_on_connect": True,
         "close_link_on_expiration": True,

@@ -9,9 +9,8 @@ import socket
 import ssl
 from contextlib import suppress
 from datetime import UTC, datetime
-from pathlib import Path
 
-from bpn_shared.bus.certificates import AUTHORITY, CERTIFICATE, KEY, certificates_folder
+from bpn_shared.bus.certificates import CertificateFiles, own_certificates
 from bpn_shared.bus.x509 import CertificateFacts, facts, facts_of
 from bpn_shared.errors import one_line
 
@@ -41,12 +40,14 @@ def plain(error: Exception) -> str:
     return _RUST_PLACE.sub("", str(error)).strip()
 
 
-def obstacle(endpoint: str, folder: Path | None = None, *, any_name: bool = False) -> str:
+def obstacle(
+    endpoint: str, files: CertificateFiles | None = None, *, any_name: bool = False
+) -> str:
     """Tries to connect, and says why that fails; empty: it does not, or nobody can say why.
 
     Args:
         endpoint: a router's, in Zenoh's form.
-        folder: with our certificates; None: the one that the environment names.
+        files: our certificates; None: those in the folder that the environment names.
         any_name: whether the router's certificate may be for other names than the endpoint's.
     """
     match = _ENDPOINT.fullmatch(endpoint)
@@ -55,7 +56,7 @@ def obstacle(endpoint: str, folder: Path | None = None, *, any_name: bool = Fals
     host, port = match["host"], int(match["port"])
     try:
         if match["protocol"] == "tls":
-            return _tls_obstacle(host, port, folder or certificates_folder(), any_name=any_name)
+            return _tls_obstacle(host, port, files or own_certificates(), any_name=any_name)
         socket.create_connection((host, port), TIMEOUT_S).close()
         return ""
     except (OSError, OverflowError, UnicodeError) as error:
@@ -72,12 +73,12 @@ def _network_obstacle(error: Exception, host: str, port: int) -> str:
     return f"{host} port {port}: {one_line(error)}"
 
 
-def _tls_obstacle(host: str, port: int, folder: Path | None, *, any_name: bool) -> str:
-    if folder is None:
+def _tls_obstacle(host: str, port: int, files: CertificateFiles | None, *, any_name: bool) -> str:
+    if files is None:
         return ""
-    if reason := _own_obstacle(folder):
+    if reason := own_obstacle(files):
         return reason
-    context = _context(folder)
+    context = _context(files)
     context.check_hostname = not any_name
     with socket.create_connection((host, port), TIMEOUT_S) as connection:
         return _handshake_obstacle(context, connection, host)
@@ -100,28 +101,28 @@ def _socket_file_obstacle(endpoint: str) -> str:
     return ""
 
 
-def _context(folder: Path) -> ssl.SSLContext:
+def _context(files: CertificateFiles) -> ssl.SSLContext:
     context = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
-    context.load_verify_locations(folder / AUTHORITY)
-    context.load_cert_chain(folder / CERTIFICATE, folder / KEY)
+    context.load_verify_locations(files.authority)
+    context.load_cert_chain(files.certificate, files.key)
     return context
 
 
-def _own_obstacle(folder: Path) -> str:
-    """What is wrong with our own certificate and key, as far as it can be seen without the router."""
+def own_obstacle(files: CertificateFiles) -> str:
+    """What is wrong with our own certificate and key, as far as it can be seen alone; empty: nothing."""
     try:
-        ours, authority = facts_of(folder / CERTIFICATE), facts_of(folder / AUTHORITY)
-        _context(folder)
+        ours, authority = facts_of(files.certificate), facts_of(files.authority)
+        _context(files)
     except ssl.SSLError as error:
         if "KEY_VALUES_MISMATCH" in str(error):
-            return f"{folder / KEY} is not the key of {folder / CERTIFICATE}"
-        return f"the certificates in {folder} cannot be used: {error.reason or error}"
+            return f"{files.key} is not the key of {files.certificate}"
+        return f"{files.certificate} cannot be used: {error.reason or error}"
     except OSError as error:
-        return f"{error.filename or folder} cannot be read: {error.strerror}"
+        return f"{error.filename or files.key} cannot be read: {error.strerror}"
     except ValueError as error:
         return str(error)
-    return _out_of_date(f"our certificate {folder / CERTIFICATE}", ours) or _out_of_date(
-        f"the authority's certificate {folder / AUTHORITY}", authority
+    return _out_of_date(f"our certificate {files.certificate}", ours) or _out_of_date(
+        f"the authority's certificate {files.authority}", authority
     )
 
 

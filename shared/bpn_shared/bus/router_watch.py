@@ -7,7 +7,9 @@ import time
 from collections.abc import Iterator
 
 from bpn_shared.backoff import Backoff
+from bpn_shared.bus.certificates import own_certificates
 from bpn_shared.bus.obstacle import obstacle
+from bpn_shared.bus.renewal import CertificateWatch
 from bpn_shared.bus.session import Bus, BusError
 from bpn_shared.service import Counters, Waiting
 
@@ -77,6 +79,8 @@ class RouterWatch:
         self._outage = Outage(now_s())
         self._lock = threading.Lock()
         self._holders: dict[threading.Event, tuple[float, list[str]]] = {}
+        files = own_certificates() if bus.endpoint.startswith("tls/") else None
+        self._certificate = None if files is None else CertificateWatch(files)
         self._said: str | None = None
         self._why = ""
         self._backoff = Backoff(2.0, 60.0)
@@ -111,6 +115,8 @@ class RouterWatch:
                 log.exception("watching the router failed")
 
     def _look(self) -> None:
+        if self._certificate is not None:
+            self._certificate.warn()
         connected, t_s = self._bus.connected, now_s()
         lost_s = self._outage.look(connected, t_s)
         if self._outage.stood_still_s:
