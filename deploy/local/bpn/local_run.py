@@ -38,7 +38,7 @@ _AWAY_S = 60.0
 
 
 class RunFailedError(CommandError):
-    """The run cannot go on; the message says which service failed and where its log is."""
+    """The run cannot go on; the message says which service failed, why, and where its log is."""
 
 
 def new_run(runs_dir: Path, config: RunConfig) -> RunFolder:
@@ -114,8 +114,7 @@ def run_to_end(
         with contextlib.suppress(RunOwnedError):  # by a learner elsewhere, which says how it ends
             folder.settle(end, error=supervisor.failure, by="bpn train")
     if supervisor.failure:
-        reason = folder.state().error
-        raise RunFailedError(f"{supervisor.failure} in {folder.logs}\n{reason}".rstrip())
+        raise RunFailedError(f"run {folder.run} failed: {supervisor.failure}")
 
 
 def follow(dashboard: Dashboard, folder: RunFolder, *, stop: threading.Event, out: Console) -> None:

@@ -34,6 +34,7 @@ from bpn_dashboard.options import (
 from bpn_dashboard.registry.store import RunStore
 from bpn_dashboard.series.ingest import Ingest
 from bpn_dashboard.state_lock import ADDRESS_FILE, state_lock
+from bpn_shared.bus.session import prepare_process
 from bpn_shared.config import ConfigError, RunConfig
 from bpn_shared.runs.files import write_atomically
 from bpn_shared.service import (
@@ -98,6 +99,7 @@ def main(argv: list[str] | None = None) -> int:
     """Serves until it is told to stop. Exit status: 0 stopped, 1 failed, 2 wrong options."""
     options = argument_parser().parse_args(argv)
     set_up_logging("dashboard")
+    prepare_process()
     logging.getLogger("alembic").setLevel(logging.WARNING)
     stop = stop_on_signals()
     end_with_supervisor()

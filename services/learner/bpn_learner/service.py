@@ -19,6 +19,7 @@ from bpn_shared.bus.liveliness import Alive
 from bpn_shared.bus.logs import LogCollector
 from bpn_shared.bus.metrics import MetricsPublisher
 from bpn_shared.bus.requests import RefusedError, Responder
+from bpn_shared.bus.router_watch import GIVE_UP_AFTER_S
 from bpn_shared.bus.weights import WeightsPublisher
 from bpn_shared.config import ConfigError
 from bpn_shared.entry import argument_parser, run_worker
@@ -156,4 +157,9 @@ def main(argv: list[str] | None = None) -> int:
         help="rank among the run's learners; 0 (default) is the one that owns the run folder",
     )  # fmt: skip
     options = parser.parse_args(argv)
-    return run_worker("learner", options, lambda worker: serve(worker, options.runs_dir))
+    return run_worker(
+        "learner",
+        options,
+        lambda worker: serve(worker, options.runs_dir),
+        holds_on_s=GIVE_UP_AFTER_S,
+    )
