@@ -38,6 +38,7 @@ from bpn_dashboard.options import (
 )
 from bpn_dashboard.registry.dispatcher import Dispatcher
 from bpn_dashboard.registry.store import RunStore
+from bpn_dashboard.registry.workplace import ConnectedWorkers
 from bpn_dashboard.series.ingest import Ingest
 from bpn_shared.bus.session import Bus, BusError
 from bpn_shared.config import ConfigError, RunConfig
@@ -85,6 +86,7 @@ def build(options: argparse.Namespace, database: Database) -> tuple[Application,
         runs=runs,
         ingest=Ingest(options.runs_dir, database, counters),
         counters=counters,
+        place=ConnectedWorkers(lambda: live.bus),
         topology=live.topology.snapshot,
         obstacle=live.obstacle,
         secure=is_secure(options),
