@@ -6,7 +6,7 @@ same values in the same words, before anything is written or started.
 """
 
 from collections.abc import Mapping
-from typing import Any, Protocol
+from typing import Any, Literal, Protocol
 
 from bpn_shared.config import ConfigError, RunConfig, preset_of
 from bpn_shared.messages.probe import ProbeReply, ProbeRequest
@@ -68,7 +68,8 @@ def request_values(values: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _actions_of(config: RunConfig, place: Workplace) -> int:
-    found = place.probe(ProbeRequest(task=config.task, frame_channels=config.frame_channels))
+    channels: Literal[1, 3] = 3 if config.frame_channels == 3 else 1
+    found = place.probe(ProbeRequest(task=config.task, frame_channels=channels))
     actions = found.actions if found is not None else preset_of(config.task).get("actions")
     if actions is None:
         raise ConfigError(

@@ -13,6 +13,9 @@ from collections.abc import Iterator
 from pathlib import Path, PurePath
 from typing import BinaryIO
 
+MAX_READ_BYTES = 256 * 1024 * 1024
+"""Of a file that is read as a whole: far more than any of ours has, and less than a machine's memory."""
+
 _DIRECTORY = os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC
 
 
@@ -47,14 +50,19 @@ def open_file(root: Path, name: str | PurePath) -> BinaryIO:
     return os.fdopen(descriptor, "rb")
 
 
-def read_file(root: Path, name: str | PurePath) -> bytes:
-    """All of a regular file.
+def read_file(root: Path, name: str | PurePath, *, limit_bytes: int = MAX_READ_BYTES) -> bytes:
+    """All of a regular file of at most `limit_bytes`.
 
     Raises:
+        ForeignFileError: as `open_file`, or the file is larger.
         OSError: as `open_file`.
     """
     with open_file(root, name) as file:
-        return file.read()
+        data = file.read(limit_bytes + 1)
+    if len(data) > limit_bytes:
+        reason = f"has more than {limit_bytes} bytes, which none of a run's own has"
+        raise ForeignFileError(errno.EFBIG, reason, str(root / name))
+    return data
 
 
 @contextlib.contextmanager

@@ -177,7 +177,7 @@ def test_a_file_that_grows_is_sent_as_long_as_was_said(tmp_path) -> None:
 
     @app.get("/")
     def get(request: Request):
-        answer = file_response(request, file, 3, '"x"')
+        answer = file_response(request, file.open("rb"), "a.log", 3, '"x"')
         file.write_bytes(b"abcdef")
         return answer
 
