@@ -32,6 +32,7 @@ from bpn_dashboard.options import (
     state_dir,
 )
 from bpn_dashboard.registry.store import RunStore
+from bpn_dashboard.registry.workplace import ConnectedWorkers
 from bpn_dashboard.series.ingest import Ingest
 from bpn_dashboard.state_lock import ADDRESS_FILE, state_lock
 from bpn_shared.bus.session import prepare_process
@@ -59,6 +60,7 @@ def build(options: argparse.Namespace, database: Database) -> tuple[Application,
         runs=runs,
         ingest=Ingest(options.runs_dir, database, counters),
         counters=counters,
+        place=ConnectedWorkers(lambda: live.bus),
         topology=live.topology.snapshot,
         obstacle=live.obstacle,
         read_only=live.read_only,
