@@ -55,7 +55,6 @@ log = logging.getLogger(__name__)
 ADDRESS_FILE = ".dashboard.json"
 """In the state folder: where the dashboard is, and a token for this user's commands."""
 _SHUTDOWN_S = 2
-_TOKEN_S = 365 * 86_400.0
 
 
 @dataclass
@@ -221,13 +220,13 @@ def _announced(
     """Prints the link for the browser, and tells this user's commands where the dashboard is."""
     url = options.public_url or _url_of(options, listener, context)
     _, link = context.tokens.issue("link", "local user", "admin", lifetime_s=LINK_S)
-    row, token = context.tokens.issue("token", "local commands", "operator", lifetime_s=_TOKEN_S)
+    row, token = context.tokens.issue_for_process("local commands", "operator")
     issued = [row]
     address = {"url": url, "token": token, "endpoint": options.connect, "pid": os.getpid()}
     if options.certificate is not None:
         address["certificate"] = str(options.certificate.absolute())
     if options.metrics_token is not None:
-        row, viewer = context.tokens.issue("token", "metrics", "viewer", lifetime_s=_TOKEN_S)
+        row, viewer = context.tokens.issue_for_process("metrics", "viewer")
         issued.append(row)
         write_atomically(options.metrics_token, viewer.encode())
     path = state_dir(options) / ADDRESS_FILE
