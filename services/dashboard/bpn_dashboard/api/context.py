@@ -7,6 +7,7 @@ from typing import Annotated, cast
 from fastapi import Depends
 from starlette.requests import HTTPConnection
 
+from bpn_dashboard.access.connections import Connections
 from bpn_dashboard.access.limits import WrongTokens
 from bpn_dashboard.access.roles import Identity, Role
 from bpn_dashboard.access.tokens import Tokens, secret_key
@@ -32,6 +33,7 @@ class Context:
         obstacle: what keeps workers from being given work; None: nothing.
         secure: browsers reach the dashboard over TLS.
         open_metrics: /metrics needs no token from loopback.
+        connections: of the server, if it limits them.
     """
 
     database: Database
@@ -43,6 +45,7 @@ class Context:
     secure: bool = False
     open_metrics: bool = False
     wrong_tokens: WrongTokens = field(default_factory=WrongTokens)
+    connections: Connections | None = None
 
     def __post_init__(self) -> None:
         self.tokens = Tokens(self.database)
