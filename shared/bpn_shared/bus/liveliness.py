@@ -10,10 +10,14 @@ from bpn_shared.bus.session import Bus
 
 
 class Token:
-    """Stands at a key until the session ends."""
+    """Stands at a key until it is closed, or the session ends."""
 
     def __init__(self, bus: Bus, key: str) -> None:
         self._token = bus.zenoh.liveliness().declare_token(key)
+
+    def close(self) -> None:
+        """Takes it away."""
+        self._token.undeclare()  # type: ignore[no-untyped-call]
 
 
 class AliveToken(Token):

@@ -79,6 +79,28 @@ def read_on(
         return Growth(data[:end], Position(inode, begin + end), is_new, begin)
 
 
+def near_end(path: Path, backlog: int, *, root: Path | None = None) -> Position | None:
+    """Where to begin for the last whole lines of a file, at most `backlog` bytes of them; None: at its beginning.
+
+    Raises:
+        OSError: as `read_on`.
+    """
+    root = root or path.parent
+    try:
+        opened = open_file(root, path.relative_to(root))
+    except FileNotFoundError:
+        return None
+    with opened as file:
+        status = os.fstat(file.fileno())
+        if status.st_size <= backlog:
+            return None
+        file.seek(status.st_size - backlog - 1)
+        skipped = file.readline(backlog)
+        if not skipped.endswith(b"\n"):
+            return None
+        return Position(status.st_ino % _INODES, file.tell())
+
+
 def _goes_on(file: BinaryIO, position: Position, inode: int, size: int) -> bool:
     """Whether a file is still the one that was read up to a position, as far as can be told."""
     if position.inode != inode or size < position.offset:

@@ -1,8 +1,8 @@
 """Limits on connections: whoever says nothing, or takes nothing, makes room for others.
 
-A connection costs a descriptor from the moment that it is accepted, long before there is a request, even where TLS
-is not agreed on yet. So they are counted at the listening socket. Those that wait for a request to become whole are
-the cheapest to end: its client is slow, or means harm. When there are too many, the oldest of whichever address has
+A connection costs a descriptor from the moment that it is accepted, long before there is a request, even where
+TLS is not agreed on yet. So they are counted at the listening socket. Those that wait for a whole request are the
+cheapest to end: the client is slow, or means harm. When there are too many, the oldest of whichever address has
 most of them goes; a client that says what it wants is through long before it is the oldest.
 """
 

@@ -1,7 +1,7 @@
 """Tokens for scripts, sessions of browsers, and the links that become sessions.
 
-All three are 256 random bits of which only the SHA-256 is stored: who reads the database cannot log in. What was made
-from another one ends with it: when that is revoked, and no later than that expires.
+All three are 256 random bits of which only the SHA-256 is stored: who reads the database cannot log in. What was
+made from another one ends with it: when that is revoked, and no later than that expires.
 """
 
 import hashlib

@@ -36,9 +36,7 @@ class Application(Guard):
         api: the application inside.
     """
 
-    def __init__(
-        self, api: FastAPI, hosts: Iterable[str], connections: Connections | None
-    ) -> None:
+    def __init__(self, api: FastAPI, hosts: Iterable[str], connections: Connections | None) -> None:
         super().__init__(api, hosts, connections=connections)
         self.api = api
 

@@ -180,14 +180,18 @@ def resume_run(who: Operator, parts: Parts, response: Response, run_id: str) -> 
     return _answer(parts, response, run_id)
 
 
-@router.post("/runs/{run_id}/archive", operation_id="archiveRun", responses=responses(404, 409, 507))
+@router.post(
+    "/runs/{run_id}/archive", operation_id="archiveRun", responses=responses(404, 409, 507)
+)
 def archive_run(who: Operator, parts: Parts, response: Response, run_id: str) -> Run:
     """Takes the run out of sight; nothing is deleted."""
     parts.runs.archive(run_id, who.name)
     return _answer(parts, response, run_id)
 
 
-@router.post("/runs/{run_id}/unarchive", operation_id="unarchiveRun", responses=responses(404, 409, 507))
+@router.post(
+    "/runs/{run_id}/unarchive", operation_id="unarchiveRun", responses=responses(404, 409, 507)
+)
 def unarchive_run(who: Operator, parts: Parts, response: Response, run_id: str) -> Run:
     """Brings an archived run back."""
     parts.runs.unarchive(run_id, who.name)

@@ -109,7 +109,7 @@ def get_session(who: Viewer) -> Session:
 
 @router.delete("/session", operation_id="logOut", status_code=204)
 def log_out(who: Viewer, parts: Parts, response: Response) -> None:
-    """Ends the session, and the links and sessions made from it. Tokens for scripts stay: an admin revokes them."""
+    """Ends the session, and the links and sessions made from it. Tokens stay: an admin revokes them."""
     parts.tokens.revoke(who.id, ["session"], actor=who.name)
     response.delete_cookie(parts.cookie, path="/", secure=parts.secure, httponly=True)
 

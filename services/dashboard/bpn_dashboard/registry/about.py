@@ -3,10 +3,12 @@
 The database has the same; this copy lets it be rebuilt. The registry alone writes it.
 """
 
+import contextlib
+import json
 from pathlib import Path
 from typing import Annotated, Any, Self
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 
 from bpn_dashboard.database.tables import RunRow, SweepRow
 from bpn_dashboard.registry.states import DesiredState
@@ -18,12 +20,13 @@ from bpn_shared.runs.opening import read_file
 _FILE = "about.json"
 SWEEPS = "sweeps"
 """Folder of the sweeps' files, beside the run folders."""
+_OBJECT: TypeAdapter[dict[str, Any]] = TypeAdapter(dict[str, Any])
 
 
 class About(BaseModel):
-    """The mirrored columns of `RunRow`."""
+    """The mirrored columns of `RunRow`. What another version wrote beside them stays in the file."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid", from_attributes=True)
+    model_config = ConfigDict(frozen=True, extra="ignore", from_attributes=True)
 
     name: str = ""
     notes: str = ""
@@ -48,11 +51,17 @@ class About(BaseModel):
         except (OSError, ValidationError) as error:
             raise ConfigError(f"{folder.path / _FILE}: {error}") from error
 
+    def columns(self) -> dict[str, Any]:
+        """The columns but for the name, which may be left to be made up."""
+        return self.model_dump(exclude={"name"})
+
     @classmethod
     def write(cls, folder: RunFolder, row: RunRow) -> None:
         """Mirrors the row."""
-        about = cls.model_validate(row)
-        folder.write(_FILE, about.model_dump_json(indent=2).encode())
+        about = cls.model_validate(row).model_dump()
+        with contextlib.suppress(OSError, ValidationError):
+            about = _OBJECT.validate_json(folder.read_file(_FILE)) | about
+        folder.write(_FILE, json.dumps(about, indent=2).encode())
 
 
 class SweepFile(BaseModel):

@@ -17,7 +17,7 @@ from bpn_dashboard.registry.admission import admits
 from bpn_dashboard.registry.circumstances import around
 from bpn_dashboard.registry.leases import Demand, LeaseBook, Place
 from bpn_dashboard.registry.losses import Loss, Losses
-from bpn_dashboard.registry.setbacks import Setbacks
+from bpn_dashboard.registry.setbacks import GiveBack, Setbacks
 from bpn_dashboard.registry.versions import Refusals, Refused, why_refused
 from bpn_shared import keys
 from bpn_shared.bus.requests import RefusedError
@@ -153,9 +153,8 @@ class LeaseDesk:
             asked.worker, place.role, place.slot, back.run, back.reason,
         )  # fmt: skip
         idle = self._book.idle(asked.role, now_s) | {asked.worker}
-        give_up = self._setbacks.gave_back(
-            place, asked.worker, back.reason, self._iterations[back.run], idle, now_s
-        )
+        noted = GiveBack(place, asked.worker, back.reason, self._iterations[back.run])
+        give_up = self._setbacks.gave_back(noted, idle, now_s)
         if give_up is not None:
             self._given_up[back.run] = give_up
             self._news()

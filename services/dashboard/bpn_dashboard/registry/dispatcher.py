@@ -98,6 +98,7 @@ class Dispatcher:
 
     def close(self) -> None:
         """Ends the thread; workers go on with what they have."""
+        self._store.unsubscribe(self._take_changes)
         self._closed.set()
         self._news.set()
         if self._thread.is_alive():

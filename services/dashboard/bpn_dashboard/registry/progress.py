@@ -8,7 +8,6 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 
 from bpn_shared.runs.folder import RunFolder
 from bpn_shared.runs.tail import Tail
-from bpn_shared.tasks import RETURN, RETURN_PX
 
 _MEAN_OF = 5
 _Count = Annotated[int, Field(ge=0, lt=2**53)]
@@ -23,8 +22,8 @@ class Record(BaseModel):
     iteration: _Count
     weights_version: Annotated[int, Field(ge=0, lt=2**63)]
     length: _Number
-    return_px: _Number | None = Field(None, alias=RETURN_PX)
-    return_own: _Number | None = Field(None, alias=RETURN)
+    return_px: _Number | None = None
+    return_own: Annotated[_Number | None, Field(validation_alias="return")] = None
 
     @model_validator(mode="after")
     def _has_a_return(self) -> Self:
@@ -44,7 +43,7 @@ class Progress:
     """The summary columns of one run's row. Each `read` takes in what was written since the last one."""
 
     def __init__(self, folder: RunFolder) -> None:
-        self._tail = Tail(folder.path / "metrics.jsonl")
+        self._tail = Tail(folder.path / "metrics.jsonl", root=folder.path.parent)
         self._begin()
 
     def _begin(self) -> None:

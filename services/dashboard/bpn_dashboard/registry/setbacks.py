@@ -5,7 +5,7 @@ Whoever notes one says how far the run had come when it happened; nothing here i
 
 from collections import Counter
 from dataclasses import dataclass, field
-from typing import TypeVar
+from typing import NamedTuple, TypeVar
 from uuid import UUID
 
 from bpn_dashboard.registry.leases import Place
@@ -19,6 +19,15 @@ GIVE_BACKS = 3
 GIVE_BACKS_AT_MOST = 20
 """Whoever else there may be."""
 _PAUSE_S, _PAUSE_AT_MOST_S = 2.0, 60.0
+
+
+class GiveBack(NamedTuple):
+    """A worker could not use a place, for a reason, when so many iterations were done."""
+
+    place: Place
+    worker: str
+    reason: str
+    iteration: int
 
 
 @dataclass
@@ -57,18 +66,16 @@ class Setbacks:
             "see logs/learner.log and the log of its host (out of memory?). Resume the run to try again"
         )
 
-    def gave_back(
-        self, place: Place, worker: str, reason: str, iteration: int, idle: set[str], now_s: float
-    ) -> str | None:
-        """Notes that a worker could not use a place.
+    def gave_back(self, back: GiveBack, idle: set[str], now_s: float) -> str | None:
+        """Notes a give-back.
 
         Args:
-            iteration: how many iterations were done then.
             idle: the workers of that role without a place; one that has not tried yet shall try first.
 
         Returns:
             Why the run should be given up; None if it should not.
         """
+        place, worker, reason, iteration = back
         row = _row(self._give_backs, place, iteration)
         row.count += 1
         row.newest = f"{worker} gave it back: {reason}"

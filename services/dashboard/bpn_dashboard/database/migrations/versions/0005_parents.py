@@ -10,8 +10,8 @@ depends_on = None
 
 
 def upgrade() -> None:
-    # Whose sessions and links are was not written down: people open a new link. And what earlier processes made for
-    # the local user's commands was good for a year, however they ended.
+    # Whose sessions and links are was not written down: people open a new link. And what earlier processes made
+    # for the local user's commands was good for a year, however they ended.
     op.execute(
         "DELETE FROM tokens WHERE kind <> 'token' OR id IN "
         "(SELECT subject FROM audit WHERE actor = 'bpn-dashboard' AND action = 'create_token')"
