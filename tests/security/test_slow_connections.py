@@ -43,15 +43,13 @@ def few_descriptors(
 ) -> Iterator[tuple[subprocess.Popen[str], httpx.Client]]:
     """A dashboard that may open 1,024 files, and a client with its token."""
 
-    def limit() -> None:
-        resource.setrlimit(resource.RLIMIT_NOFILE, (DESCRIPTORS, DESCRIPTORS))
-
     with (
         log.open("w") as stderr,
         subprocess.Popen(
-            [sys.executable, "-m", "bpn_dashboard", "--runs-dir", str(runs_dir), "--port", "0",
+            ["sh", "-c", f'ulimit -n {DESCRIPTORS}; exec "$@"', "limited",
+             sys.executable, "-m", "bpn_dashboard", "--runs-dir", str(runs_dir), "--port", "0",
              "--connect", f"unixsock-stream/{runs_dir}/no-router", *options],
-            stdout=subprocess.PIPE, stderr=stderr, text=True, preexec_fn=limit,
+            stdout=subprocess.PIPE, stderr=stderr, text=True,
         ) as process,
     ):  # fmt: skip
         try:

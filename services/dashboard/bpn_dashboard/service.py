@@ -90,11 +90,12 @@ def build(
             await joining
             await asyncio.to_thread(context.ingest.close)
 
-    def may_watch(connection: HTTPConnection) -> bool:
+    def may_watch(connection: HTTPConnection) -> str | None:
         try:
-            return identify(connection) is not None
+            identity = identify(connection)
         except ApiError:  # too many wrong tokens
-            return False
+            return None
+        return None if identity is None else identity.owner
 
     routes = [live_route(lambda: live.hub, may_watch)]
     hosts = [options.host, *options.allow_host]
