@@ -109,7 +109,13 @@ TASKS = {
 GYM_PREFIX = "gym:"
 """Begins the names of tasks that are any Gymnasium environment, such as gym:CartPole-v1."""
 
-_GYM_NAME = re.compile(r"gym:([\w.-]+/)?[\w.-]+")
+_GYM_NAME = r"gym:([A-Za-z0-9_.-]+/)?[A-Za-z0-9_.-]+"
+
+
+TASK_PATTERN = f"^({'|'.join(TASKS)}|{_GYM_NAME})$"
+"""Of all names that tasks may have."""
+TASK_NAMES = f"{', '.join(TASKS)}, {GYM_PREFIX}ENVIRONMENT-ID"
+"""For help and errors: the names that tasks may have."""
 
 
 def is_gym(name: str) -> bool:
@@ -122,16 +128,15 @@ def return_metric(name: str) -> str:
     return RETURN if is_gym(name) else RETURN_PX
 
 
-def check_task_name(name: str) -> None:
-    """Refuses names of tasks that cannot be.
+def check_task_name(name: str) -> str:
+    """The name, if a task may have it.
 
     Raises:
         ValueError: no task is named so; the message lists those there are.
     """
-    if name not in TASKS and not _GYM_NAME.fullmatch(name):
-        raise ValueError(
-            f"task = {name!r} is unknown; one of: {', '.join(TASKS)}, gym:ENVIRONMENT-ID"
-        )
+    if not re.fullmatch(TASK_PATTERN, name):
+        raise ValueError(f"unknown; one of: {TASK_NAMES}")
+    return name
 
 
 def task_named(name: str) -> Task:

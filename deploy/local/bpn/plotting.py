@@ -63,5 +63,4 @@ def entitle(figure: Figure, title: str, *, of: str, legend: Axes | None = None) 
 
 def save(figure: Figure, path: Path) -> None:
     """Writes a PNG, or what else the suffix says."""
-    path.parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(path, dpi=_DPI)

@@ -1,5 +1,4 @@
 from typing import get_args
-from uuid import UUID
 
 import pytest
 from hypothesis import given

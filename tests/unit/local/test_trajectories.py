@@ -5,7 +5,8 @@ import pytest
 
 from bpn.evaluation import plot, trajectories
 from bpn_robot_sim.robot import Robot, make_robot
-from bpn_shared.config import ConfigError, RunConfig
+from bpn_shared.config import RunConfig
+from bpn_shared.errors import InputError
 from bpn_shared.messages.episode import Episode, EpisodeMeta
 from bpn_shared.tasks import task_named
 
@@ -97,7 +98,7 @@ def test_every_task_of_the_paper_has_a_figure(task: str, pan_tilt: Played) -> No
 
 
 def test_a_task_without_trajectories_is_refused() -> None:
-    with pytest.raises(ConfigError, match="no trajectories are known of task 'gym:"):
+    with pytest.raises(InputError, match="no trajectories are known of task 'gym:"):
         plot.draw("gym:CartPole-v1", [])
 
 

@@ -39,7 +39,7 @@ def test_the_configuration_is_kept(folder: RunFolder) -> None:
 def test_a_run_that_is_seen_has_all_its_files(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def slowly(path: Path, data: bytes, *, root: Path) -> None:
+    def slowly(path: Path, data: bytes, *, root: Path, **_: object) -> None:
         for name in ("config.json", "state.json"):  # before each file, and after it
             for config in tmp_path.glob("*/config.json"):
                 RunFolder(config.parent).state()
@@ -94,8 +94,9 @@ def test_one_learner_owns_a_run(folder: RunFolder) -> None:
 
 def test_rewards_are_kept_by_iteration(folder: RunFolder) -> None:
     folder.append_rewards(0, [[-1.5, -2.0], [-3.0]])
-    line = (folder.path / "rewards.jsonl").read_text()
-    assert json.loads(line) == {"iteration": 0, "rewards_px": [[-1.5, -2.0], [-3.0]]}
+    assert folder.rewards() == {0: [[-1.5, -2.0], [-3.0]]}
+    line = json.loads((folder.path / "rewards.jsonl").read_text())
+    assert (line["iteration"], line["rewards_px"]) == (0, [[-1.5, -2.0], [-3.0]])
 
 
 @pytest.mark.parametrize("order", [("config.json", "state.json"), ("state.json", "config.json")])

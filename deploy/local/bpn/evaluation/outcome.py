@@ -46,13 +46,23 @@ def outcome(config: RunConfig, episode: Episode) -> Outcome:
     )
 
 
-def summarize(config: RunConfig, outcomes: Sequence[Outcome]) -> dict[str, Any]:
+def distinct_trials(episodes: Sequence[Episode]) -> int:
+    """How many of the trials differ in what was seen or done: greedy play from one start is always the same."""
+    return len({(one.frames.tobytes(), one.actions.tobytes()) for one in episodes})
+
+
+def summarize(
+    config: RunConfig, outcomes: Sequence[Outcome], *, distinct: int | None = None
+) -> dict[str, Any]:
     """Mean and standard deviation (n - 1; None of one) over trials, and every trial.
 
+    Args:
+        distinct: how many of them differ (all); where all are alike, nothing is known of a spread.
+
     Returns:
-        trials, return_px, px_per_step and length ({mean, std}), tracking_time (mean steps and seconds, and their
-        percentage of T, as the paper's Table II), terminated (how many the task ended), success_share
-        and successes (None where neither task nor environment defines it), deadline_misses,
+        trials, distinct_trials, return_px, px_per_step and length ({mean, std}), tracking_time (mean steps and
+        seconds, and their percentage of T, as the paper's Table II), terminated (how many the task ended),
+        success_share and successes (None where neither task nor environment defines it), deadline_misses,
         returns_px, lengths. Of a gym: task, whose rewards have units of their own and whose steps
         have no duration: return, return_per_step and returns, and no tracking_time.
 
@@ -74,9 +84,10 @@ def summarize(config: RunConfig, outcomes: Sequence[Outcome]) -> dict[str, Any]:
     }
     return {
         "trials": len(outcomes),
-        f"return{unit}": _mean_std(returns),
-        "px_per_step" if in_pixels else "return_per_step": _mean_std(returns / steps),
-        "length": _mean_std(steps),
+        "distinct_trials": len(outcomes) if distinct is None else distinct,
+        f"return{unit}": _mean_std(returns, distinct),
+        "px_per_step" if in_pixels else "return_per_step": _mean_std(returns / steps, distinct),
+        "length": _mean_std(steps, distinct),
         **({"tracking_time": tracking_time} if in_pixels else {}),
         "terminated": sum(one.terminated for one in outcomes),
         "success_share": None if succeeded is None else round(succeeded, 4),
@@ -87,6 +98,6 @@ def summarize(config: RunConfig, outcomes: Sequence[Outcome]) -> dict[str, Any]:
     }
 
 
-def _mean_std(values: npt.NDArray[Any]) -> dict[str, float | None]:
-    mean, std = mean_std(values)
+def _mean_std(values: npt.NDArray[Any], distinct: int | None) -> dict[str, float | None]:
+    mean, std = mean_std(values[:1] if distinct == 1 else values)
     return {"mean": round(mean, 3), "std": None if std is None else round(std, 3)}

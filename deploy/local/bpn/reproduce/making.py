@@ -1,5 +1,6 @@
 """Makes a target: its runs, its measurements, its files."""
 
+import shlex
 import threading
 from collections.abc import Sequence
 from functools import partial
@@ -58,7 +59,9 @@ def make(
             runs = campaign.train(configs)
             result = target.measure(Context(scope, runs, campaign.play, say, stop))
         except StoppedError as stopped:
-            say(f"stopped: {stopped}; go on with: {command} --runs-dir {runs_dir}")
+            say(
+                f"stopped: {stopped}; go on with: {command} --runs-dir {shlex.quote(str(runs_dir))}"
+            )
             return 130
         made = report.document(target, command, runs, result, quick=quick)
         for path in report.write(target, made, out_dir):

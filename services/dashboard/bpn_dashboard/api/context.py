@@ -17,8 +17,10 @@ from bpn_dashboard.database.engine import Database
 from bpn_dashboard.hub.topology import Topology, TopologySnapshot
 from bpn_dashboard.registry.store import RunStore
 from bpn_dashboard.registry.versions import Refused
+from bpn_dashboard.registry.workplace import ConnectedWorkers
 from bpn_dashboard.series.ingest import Ingest
 from bpn_dashboard.series.query import SeriesQueries
+from bpn_shared.runs.creation import Workplace
 from bpn_shared.service import Counters
 
 COOKIE = "bpn_session"
@@ -31,6 +33,7 @@ class Context:
 
     Attributes:
         topology: who is alive and talks to whom.
+        place: the machines that will do new runs.
         obstacle: what keeps workers from being given work; None: nothing.
         read_only: why nothing may be changed here; None: it may.
         refused: the workers that ask for work and cannot be used.
@@ -43,6 +46,7 @@ class Context:
     runs: RunStore
     ingest: Ingest
     counters: Counters
+    place: Workplace = field(default_factory=ConnectedWorkers)
     topology: Callable[[], TopologySnapshot] = Topology().snapshot
     obstacle: Callable[[], str | None] = lambda: None
     read_only: Callable[[], str | None] = lambda: None

@@ -141,7 +141,10 @@ def install(app: FastAPI) -> None:
     async def invalid(request: Request, error: RequestValidationError) -> Response:
         problem = Problem.of(422, "invalid-request", "the request has wrong values")
         problem.errors = [
-            FieldError(location=_location(item["loc"]), message=printable(item["msg"]))
+            FieldError(
+                location=_location(item["loc"]),
+                message=printable(item["msg"]).removeprefix("Value error, "),
+            )
             for item in error.errors()[:_MAX_ERRORS]
         ]
         return problem_response(problem, request_id(request))

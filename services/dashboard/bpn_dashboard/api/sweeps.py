@@ -108,7 +108,10 @@ def create_sweep(
     def create() -> str:
         config = body.config.model_dump(exclude_unset=True)
         grid = body.grid.model_dump(exclude_unset=True)
-        return parts.runs.create_sweep(body.name, config, grid, body.seeds, who.name).id
+        sweep = parts.runs.create_sweep(
+            body.name, config, grid, body.seeds, actor=who.name, place=parts.place
+        )
+        return sweep.id
 
     sweep_id = once(parts.database, who, "createSweep", key, body, make=create)
     response.headers["Location"] = f"/api/v1/sweeps/{sweep_id}"

@@ -127,8 +127,10 @@ def _config_is(key: str, text: str) -> ColumnElement[bool]:
     if key not in RunConfig.model_fields:
         raise FilterError(f"config.{key} is unknown; one of: {', '.join(RunConfig.model_fields)}")
     known = RunConfig.model_fields[key]
-    # Within its range, as databases have one too; None: some keys have none.
-    kind: Any = Annotated[known.annotation, None, *known.metadata]
+    # Within its range: databases have one too.
+    kind: Any = (
+        Annotated[(known.annotation, *known.metadata)] if known.metadata else known.annotation
+    )
     try:
         value = TypeAdapter(kind).validate_python(text)
     except ValidationError as error:

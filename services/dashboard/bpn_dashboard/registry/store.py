@@ -30,6 +30,7 @@ from bpn_dashboard.registry.query import Cursor, Page, RunFilter, conditions, fi
 from bpn_dashboard.registry.states import OVER, is_busy
 from bpn_dashboard.registry.sweeps import expand
 from bpn_shared.config import RunConfig
+from bpn_shared.runs.creation import Workplace
 from bpn_shared.runs.folder import RunFolder
 
 Changes = Mapping[str, Any]
@@ -300,19 +301,22 @@ class RunStore:
         config: Mapping[str, Any],
         grid: Mapping[str, Sequence[Any]],
         seeds: Sequence[int],
+        *,
         actor: str,
+        place: Workplace,
     ) -> SweepRow:
         """A sweep and all its runs.
 
         Args:
             config: the task, and what is changed from its preset in every run.
+            place: where the runs will be done.
 
         Raises:
             ConfigError: a key or value of configuration or grid is wrong; nothing was made.
             OSError: a folder cannot be made, as on a full disk; nothing of the sweep is left.
         """
         self._check_writable()
-        runs = expand(config, grid, seeds)
+        runs = expand(config, grid, seeds, place)
         sweep = SweepRow(
             id=_new_id(), name=name, config=dict(config), seeds=list(seeds), created_at=time.time(),
             grid={key: list(values) for key, values in grid.items()},
