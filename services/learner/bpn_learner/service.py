@@ -1,5 +1,6 @@
 """`bpn-learner`: hands out episodes, learns from them, publishes weights. Owns the run folder."""
 
+import contextlib
 import logging
 from collections.abc import Mapping
 from pathlib import Path
@@ -24,7 +25,7 @@ from bpn_shared.messages.control import NextEpisode
 from bpn_shared.runs.folder import RunFolder
 from bpn_shared.watchdog import EPISODES_STORED, EPOCHS_DONE
 from bpn_shared.weights import Weights
-from bpn_shared.worker import EXIT_FINISHED, EXIT_UNRECOVERABLE, Worker
+from bpn_shared.worker import EXIT_FINISHED, EXIT_UNRECOVERABLE, Worker, service_names
 
 log = logging.getLogger(__name__)
 
@@ -47,8 +48,7 @@ def serve(worker: Worker, runs_dir: Path) -> int:
     if worker.slot > 0:
         return serve_member(worker)
     folder = RunFolder.open(runs_dir, str(worker.run))
-    with folder.owned(worker.id):
-        collector = LogCollector(worker.bus, worker.run, folder.logs)
+    with folder.owned(worker.id), _collected_logs(worker, folder):
         state = folder.set_state("running", new_attempt=True)
         try:
             _train(worker, folder, state.attempt)
@@ -56,9 +56,16 @@ def serve(worker: Worker, runs_dir: Path) -> int:
             log.error("%s", error)  # it would come again
             folder.set_state("failed", error=str(error))
             return EXIT_UNRECOVERABLE
-        finally:
-            del collector
     return EXIT_FINISHED
+
+
+def _collected_logs(worker: Worker, folder: RunFolder) -> contextlib.AbstractContextManager[object]:
+    """Keeps what the run's other workers say."""
+    try:
+        services = service_names(folder.config())
+    except ConfigError:  # which who reads it next says
+        return contextlib.nullcontext()
+    return LogCollector(worker.bus, worker.run, folder.logs, services)
 
 
 def _train(worker: Worker, folder: RunFolder, attempt: int) -> None:

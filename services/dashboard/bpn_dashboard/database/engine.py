@@ -176,13 +176,13 @@ def _configure_sqlite(engine: Engine) -> None:
 
 def _make_private(path: Path) -> None:
     """Its user's alone, as the files that SQLite puts beside it then are: it holds keys and who did what."""
-    try:
+    with suppress(
+        OSError
+    ):  # SQLite says why it cannot be opened, and another user's is that user's to protect
         os.close(os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600))
-        for file in (path, *(path.with_name(path.name + end) for end in ("-wal", "-shm"))):
-            with suppress(FileNotFoundError):
-                file.chmod(0o600)
-    except OSError as error:
-        raise DatabaseError(f"{path}: {error.strerror}") from error
+        path.chmod(0o600)
+        for end in ("-wal", "-shm"):
+            path.with_name(path.name + end).chmod(0o600)
 
 
 def is_on_network(path: Path) -> bool:
