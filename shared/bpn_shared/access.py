@@ -133,6 +133,7 @@ CHANNELS: tuple[Channel, ...] = (
     *(Channel(keys.lease(ANY, role, ANY, ANY), "token", (role,)) for role in WORKERS),
     Channel(keys.lease(ANY, ANY, ANY, ANY), "token", takers=("dashboard",)),
     *(Channel(keys.control(role, ANY), "request", ("dashboard",), (role,)) for role in WORKERS),
+    Channel(keys.probe(), "request", ("dashboard",), ("robot_sim",)),
     # The router's own state, which answers itself and cannot be written
     Channel("@/**", "request", ("dashboard",)),
 )

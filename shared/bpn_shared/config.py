@@ -67,7 +67,8 @@ class RunConfig(BaseModel):
     beta: Annotated[float, Field(gt=0, le=1e4, description="inverse temperature of CVI")] = 1.0
     gamma: Annotated[float, Field(ge=0, lt=1, description="discount factor")] = 0.99
     mask_terminals: Annotated[
-        bool, Field(description="no bootstrap from failures (Algorithm 1 as printed: bootstrap)")
+        bool,
+        Field(description="no bootstrap from terminal states (Algorithm 1 as printed: bootstrap)"),
     ] = False
     relative_targets: Annotated[
         bool, Field(description="subtract the targets' mean over D (Algorithm 1 as printed: no)")
@@ -147,8 +148,7 @@ class RunConfig(BaseModel):
     @field_validator("task")
     @classmethod
     def _possible_task(cls, name: str) -> str:
-        check_task_name(name)
-        return name
+        return check_task_name(name)
 
     @model_validator(mode="after")
     def _fits_task(self) -> Self:
@@ -246,11 +246,11 @@ class RunConfig(BaseModel):
             ConfigError: a value is unknown or outside its range.
         """
         preset = preset_of(task) | implied(changes.get("algorithm", ""))
-        return cls.parse({"task": task} | preset | changes, source="options")
+        return cls.parse({"task": task} | preset | changes)
 
     @classmethod
-    def parse(cls, values: object, *, source: str) -> Self:
-        """Validates values from outside; `source` says in errors where they came from.
+    def parse(cls, values: object, *, source: str = "") -> Self:
+        """Validates values from outside; `source`, if any, says in errors where they came from.
 
         Raises:
             ConfigError: a value is unknown or outside its range.
@@ -330,8 +330,12 @@ _GYM_PRESET: dict[str, Any] = {
 
 
 def preset_of(task: str) -> dict[str, Any]:
-    """Values that a task begins with where they differ from the fields' defaults; {} for an unknown one."""
-    return (_GYM_PRESET if is_gym(task) else {}) | PRESETS.get(task, {})
+    """Values that a task begins with where they differ from the fields' defaults; {} for an unknown one.
+
+    "gym:" has those of a Gymnasium environment that has no preset of its own.
+    """
+    of_gym = _of_task(task) | _GYM_PRESET if is_gym(task) else {}
+    return of_gym | PRESETS.get(task, {})
 
 
 _TASK_FIELDS = ("frame_channels", "frames_stacked", "frame_skip", "actions")
@@ -353,7 +357,8 @@ def describe(error: ValidationError, source: str) -> str:
         value = "" if isinstance(item["input"], dict) else f" = {item['input']!r}"
         # where several values do not fit together, the message names them
         what = f"{name}{value}: " if name else ""
-        lines.append(f"{source}: {what}{_remedy(item['type'], item['msg'])}")
+        whence = f"{source}: " if source else ""
+        lines.append(f"{whence}{what}{_remedy(item['type'], item['msg'])}")
     return "\n".join(lines)
 
 

@@ -2,9 +2,11 @@
 
 import argparse
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
 from uuid import UUID
 
+from bpn_shared.bus.requests import Responder
 from bpn_shared.bus.session import DEFAULT_ENDPOINT, Bus, BusError
 from bpn_shared.config import ConfigError, RunConfig
 from bpn_shared.heartbeat import Heartbeat
@@ -45,7 +47,16 @@ def argument_parser(kind: Role, description: str | None) -> argparse.ArgumentPar
     return parser
 
 
-def run_worker(kind: Role, options: argparse.Namespace, serve: Serve) -> int:
+Answers = Mapping[str, Callable[[bytes], bytes]]
+"""By key, what a worker answers there whether it is idle or not (`Responder`'s handlers)."""
+
+
+def run_worker(
+    kind: Role,
+    options: argparse.Namespace,
+    serve: Serve,
+    answers: Answers = MappingProxyType({}),
+) -> int:
     """Sets up logging, signals and session, announces the worker, serves, and closes again.
 
     With `--run` it serves that run; without, whichever the registry leases, one after the other.
@@ -60,12 +71,17 @@ def run_worker(kind: Role, options: argparse.Namespace, serve: Serve) -> int:
     try:
         with Bus(options.connect, stop=stop) as bus, Heartbeat(lambda: bus.connected):
             process = WorkerProcess(kind=kind, id=new_worker_id(kind), bus=bus, stop=stop)
+            responders = [
+                Responder(bus, key, handler, process.counters) for key, handler in answers.items()
+            ]
             if options.run is None:
-                return LeaseLoop(process, options.place).run(serve)
+                status = LeaseLoop(process, options.place).run(serve)
+                del responders
+                return status
             announced = process.announce(lambda: (options.run, slot))
             log.info("%s serves run %s, slot %d", process.id, options.run, slot)
             status = serve(process.at(options.run, slot, bus, stop))
-            del announced
+            del announced, responders
             return status
     except BusError as error:
         log.error("%s", error)
@@ -80,6 +96,7 @@ def run_slot_worker(
     description: str | None,
     serve: Callable[[Worker, RunConfig], int],
     argv: list[str] | None = None,
+    answers: Answers = MappingProxyType({}),
 ) -> int:
     """Runs a worker of one slot, which gets its configuration from the run's learner."""
     parser = argument_parser(kind, description)
@@ -92,4 +109,4 @@ def run_slot_worker(
         config = fetch_config(worker)
         return EXIT_FINISHED if config is None else serve(worker, config)
 
-    return run_worker(kind, options, serve_configured)
+    return run_worker(kind, options, serve_configured, answers)

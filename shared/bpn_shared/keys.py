@@ -90,6 +90,11 @@ def worker_of(token: str) -> tuple[str, str]:
     return kind, worker
 
 
+def probe() -> str:
+    """Where robot workers tell whether an environment can be a task."""
+    return "bpn/robot_sim/probe"
+
+
 def lease_request() -> str:
     """Where the registry gives idle workers work."""
     return "bpn/registry/lease"

@@ -11,23 +11,25 @@ from typing import NamedTuple
 from uuid import UUID
 
 from bpn_shared import keys
+from bpn_shared.backoff import Backoff
 from bpn_shared.bus.liveliness import Token
 from bpn_shared.bus.logs import LogPublisher
-from bpn_shared.bus.requests import NoReplyError, RefusedError, Responder, request
+from bpn_shared.bus.requests import Responder
 from bpn_shared.bus.session import Bus, BusError
 from bpn_shared.config import ConfigError
-from bpn_shared.messages.base import MessageError
-from bpn_shared.messages.lease import LeaseReply, LeaseRequest, Release, ReleaseReply
+from bpn_shared.messages.control import MAX_REASON
+from bpn_shared.messages.lease import GiveBack, LeaseReply, LeaseRequest, Release, ReleaseReply
 from bpn_shared.runs.folder import RunOwnedError
 from bpn_shared.service import set_up_logging
+from bpn_shared.version import PROTOCOL, VERSION
 from bpn_shared.worker import EXIT_FINISHED, Serve, WorkerProcess, service_name
 
 log = logging.getLogger(__name__)
 
-_ASK_TIMEOUT_S = 2.0
-_NO_REGISTRY_S = 0.5
 _GIVEN_BACK_S = 1.0
 """Pause before the next question after a lease that the worker could not use."""
+_REFUSED_S, _REFUSED_AT_MOST_S = 1.0, 60.0
+"""Pauses after refusals in a row: what refuses a worker seldom changes soon."""
 
 
 class Lease(NamedTuple):
@@ -49,6 +51,8 @@ class LeaseLoop:
         self._process, self._label = process, label
         self._lock = threading.Lock()
         self._lease: Lease | None = None
+        self._gave_back: GiveBack | None = None  # until the registry knows
+        self._refused = Backoff(_REFUSED_S, _REFUSED_AT_MOST_S)
 
     def run(self, serve: Serve) -> int:
         """Works until the process is stopped."""
@@ -86,23 +90,39 @@ class LeaseLoop:
     def _next(self) -> Lease | None:
         """The next lease; None if the process was stopped."""
         process = self._process
-        body = LeaseRequest(role=process.kind, worker=process.id, label=self._label).encode()
         while not process.stop.is_set():
-            pause_s = _NO_REGISTRY_S
-            try:
-                answer = request(process.bus, keys.lease_request(), body, timeout_s=_ASK_TIMEOUT_S)
-                reply = LeaseReply.decode(answer)
-                if reply.run_id is not None:
-                    process.waiting.done()
-                    return Lease(reply.run_id, reply.slot, threading.Event())
-                pause_s = reply.retry_s
-                process.waiting.set("work: no run needs this worker now")
-            except NoReplyError:
-                process.waiting.set("the registry to give work")
-            except (RefusedError, MessageError) as error:
-                process.counters.refuse("leases_refused", f"asking the registry for work: {error}")
-            process.stop.wait(pause_s)
+            asked = LeaseRequest(
+                role=process.kind,
+                worker=process.id,
+                label=self._label,
+                version=VERSION,
+                protocol=PROTOCOL,
+                gave_back=self._gave_back,
+            )
+            reply = process.ask(
+                keys.lease_request(),
+                asked.encode(),
+                LeaseReply.decode,
+                waiting_for="the registry to give work",
+                refused_as="leases_refused",
+                on_refusal=self._on_refusal,
+            )
+            if reply is None:
+                break
+            self._gave_back = None
+            self._refused.reset()
+            if reply.run_id is not None:
+                process.waiting.done()
+                return Lease(reply.run_id, reply.slot, threading.Event())
+            process.waiting.set("work: no run needs this worker now")
+            process.stop.wait(reply.retry_s)
         return None
+
+    def _on_refusal(self, reason: str) -> None:
+        process = self._process
+        process.counters.refuse("leases_refused", f"asking the registry for work: {reason}")
+        process.waiting.set(f"the registry, which refuses this worker: {reason}")
+        process.stop.wait(self._refused.next_s())
 
     def _work(self, lease: Lease, serve: Serve) -> None:
         process = self._process
@@ -119,12 +139,19 @@ class LeaseLoop:
                     log.info("%s serves run %s, slot %d", process.id, lease.run, lease.slot)
                     serve(process.at(lease.run, lease.slot, bus, lease.stop))
                 del token
-        except (BusError, ConfigError, RunOwnedError) as error:
-            log.error("gives back the lease of run %s: %s", lease.run, error)
-            process.stop.wait(_GIVEN_BACK_S)
+        except ConfigError as error:
+            reason = str(error)[:MAX_REASON]
+            self._gave_back = GiveBack(run=str(lease.run), slot=lease.slot, reason=reason)
+            self._pause_after(lease, error)
+        except (BusError, RunOwnedError) as error:  # no fault of the place
+            self._pause_after(lease, error)
         finally:
             with self._lock:
                 self._lease = None
             process.waiting.done()
             process.weights.forget()
             set_up_logging(process.kind)
+
+    def _pause_after(self, lease: Lease, error: Exception) -> None:
+        log.error("gives back the lease of run %s: %s", lease.run, error)
+        self._process.stop.wait(_GIVEN_BACK_S)

@@ -5,12 +5,15 @@ import logging
 import os
 import queue
 import signal
+import sys
 import threading
 import time
 import uuid
 from collections import Counter
+from typing import TextIO
 
 from bpn_shared import log_lines
+from bpn_shared.errors import one_line
 
 log = logging.getLogger(__name__)
 
@@ -19,10 +22,36 @@ SUPERVISOR_PID = "BPN_SUPERVISOR_PID"
 
 _PR_SET_PDEATHSIG = 1
 
+MAX_FAULTS = 100
+"""Kinds of exceptions that one service shows with their tracebacks."""
+
+
+class _SurvivingHandler(logging.StreamHandler[TextIO]):
+    """Goes on when lines cannot be written, as on a full disk; other handlers hear of it once, this one later."""
+
+    _lost = 0
+    _reason = ""
+
+    def handleError(self, record: logging.LogRecord) -> None:  # noqa: ARG002 - the name is logging's
+        """Counts the line."""
+        self._lost += 1
+        self._reason = one_line(sys.exc_info()[1] or OSError("the log cannot be written"))
+        if self._lost == 1:
+            log.error("log lines are lost: %s", self._reason)  # comes here too, and is counted
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Writes one line, and after it that others are missing, if they are."""
+        lost = self._lost
+        super().emit(record)
+        if lost and self._lost == lost:
+            self._lost = 0
+            said = f"log lines were lost, up to {lost}: {self._reason}"
+            super().emit(logging.makeLogRecord({"levelname": "ERROR", "msg": said}))
+
 
 def set_up_logging(service: str) -> None:
     """Log lines to standard error, in the form of `bpn_shared.log_lines`."""
-    handler = logging.StreamHandler()
+    handler = _SurvivingHandler()
     handler.setFormatter(log_lines.formatter(service))
     logging.basicConfig(level=logging.INFO, handlers=[handler], force=True)
 
@@ -73,6 +102,7 @@ class Counters:
         self._lock = threading.Lock()
         self._counts: Counter[str] = Counter()
         self._reasons: dict[str, str] = {}
+        self._faults: set[int] = set()
 
     def add(self, name: str, count: int = 1) -> int:
         """Adds to a counter and returns its new value."""
@@ -88,6 +118,24 @@ class Counters:
             self._reasons[name] = reason
         if count == 10 ** (len(str(count)) - 1):
             log.warning("%s (%s: %d so far)", reason, name, count)
+
+    def fault(self, name: str, doing: str, error: Exception) -> None:
+        """Counts an exception like refused input; the first of each kind is logged with its traceback.
+
+        Of a kind are those of one type from one line.
+        """
+        place = error.__traceback__
+        while place is not None and place.tb_next is not None:
+            place = place.tb_next
+        line = place and (place.tb_frame.f_code.co_filename, place.tb_lineno)
+        kind = hash((name, type(error), line))
+        with self._lock:
+            is_new = kind not in self._faults and len(self._faults) < MAX_FAULTS
+            if is_new:
+                self._faults.add(kind)
+        if is_new:
+            log.error("%s failed: %s", doing, one_line(error), exc_info=error)
+        self.refuse(name, f"{doing} failed: {one_line(error)}")
 
     def snapshot(self) -> dict[str, int]:
         with self._lock:

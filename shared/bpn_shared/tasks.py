@@ -26,6 +26,8 @@ class Task:
         control_period_s: time between two frames in realtime pacing.
         frame_skip: steps of a Gymnasium environment that one action takes.
         rewards: computed from the pixels by the learner (the paper, section VI-A), or told by the robot.
+        success: what an episode has to do: end with the hand on the target, keep the target in the frame, or
+            whatever the robot says, if it says anything.
     """
 
     name: str
@@ -37,6 +39,7 @@ class Task:
     control_period_s: float
     frame_skip: int = 1
     rewards: Literal["pixels", "robot"] = "pixels"
+    success: Literal["reached", "kept", "told"] = "kept"
 
     @property
     def return_metric(self) -> str:
@@ -75,6 +78,7 @@ TASKS = {
         ),
         hold_action=3,  # joint 1 by 0 degrees
         control_period_s=CONTROL_PERIOD_S,
+        success="reached",
     ),
     "tracking": Task(
         name="tracking",
@@ -105,7 +109,13 @@ TASKS = {
 GYM_PREFIX = "gym:"
 """Begins the names of tasks that are any Gymnasium environment, such as gym:CartPole-v1."""
 
-_GYM_NAME = re.compile(r"gym:([\w.-]+/)?[\w.-]+")
+_GYM_NAME = r"gym:([A-Za-z0-9_.-]+/)?[A-Za-z0-9_.-]+"
+
+
+TASK_PATTERN = f"^({'|'.join(TASKS)}|{_GYM_NAME})$"
+"""Of all names that tasks may have."""
+TASK_NAMES = f"{', '.join(TASKS)}, {GYM_PREFIX}ENVIRONMENT-ID"
+"""For help and errors: the names that tasks may have."""
 
 
 def is_gym(name: str) -> bool:
@@ -118,16 +128,15 @@ def return_metric(name: str) -> str:
     return RETURN if is_gym(name) else RETURN_PX
 
 
-def check_task_name(name: str) -> None:
-    """Refuses names of tasks that cannot be.
+def check_task_name(name: str) -> str:
+    """The name, if a task may have it.
 
     Raises:
         ValueError: no task is named so; the message lists those there are.
     """
-    if name not in TASKS and not _GYM_NAME.fullmatch(name):
-        raise ValueError(
-            f"task = {name!r} is unknown; one of: {', '.join(TASKS)}, gym:ENVIRONMENT-ID"
-        )
+    if not re.fullmatch(TASK_PATTERN, name):
+        raise ValueError(f"unknown; one of: {TASK_NAMES}")
+    return name
 
 
 def task_named(name: str) -> Task:
@@ -171,4 +180,5 @@ def gym_task(
         control_period_s=CONTROL_PERIOD_S,
         frame_skip=frame_skip,
         rewards="robot",
+        success="told",
     )

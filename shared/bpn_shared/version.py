@@ -1,9 +1,56 @@
 """Which program this is, and which protocol it speaks."""
 
-from importlib.metadata import version
+import os
+import platform
+import shutil
+import subprocess
+from functools import cache
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
 from typing import Final
 
 VERSION: Final = version("bpn-shared")
 PROTOCOL: Final = 2
 """Of everything that travels between services. It rises when services of before and after cannot work together:
 the registry gives no place to a worker with another one, and says so."""
+
+COMMIT = "BPN_COMMIT"
+"""Environment variable: the commit that an image was built from."""
+
+
+def written_by() -> dict[str, str | None]:
+    """Who writes a file: version and commit of this program, and what it runs on; None where it is not known."""
+    return {
+        "version": VERSION,
+        "commit": commit(),
+        "python": platform.python_version(),
+        "torch": _torch_version(),
+        "host": platform.node(),
+    }
+
+
+@cache
+def commit() -> str | None:
+    """The commit of this program, where it runs from a checkout or its image says so."""
+    told = os.environ.get(COMMIT)
+    root, git = Path(__file__).parents[2], shutil.which("git")
+    if told or git is None or not (root / ".git").exists():
+        return told or None
+    try:
+        done = subprocess.run(  # noqa: S603 - fixed arguments
+            [git, "-C", str(root), "rev-parse", "HEAD"],
+            capture_output=True,
+            text=True,
+            timeout=5,
+            check=False,
+        )
+    except (OSError, subprocess.SubprocessError):
+        return None
+    return done.stdout.strip() or None
+
+
+def _torch_version() -> str | None:
+    try:
+        return version("torch")
+    except PackageNotFoundError:
+        return None

@@ -3,11 +3,14 @@
 import threading
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import TypeVar
 from uuid import UUID
 
 from bpn_shared import keys
+from bpn_shared.backoff import Backoff
+from bpn_shared.bus.ask import OnRefusal, ask
 from bpn_shared.bus.liveliness import AliveToken
-from bpn_shared.bus.requests import NoReplyError, RefusedError, Responder, request
+from bpn_shared.bus.requests import Responder
 from bpn_shared.bus.session import Bus
 from bpn_shared.bus.telemetry import TelemetryPublisher
 from bpn_shared.config import RunConfig
@@ -16,7 +19,7 @@ from bpn_shared.service import Counters, Waiting
 from bpn_shared.telemetry import Latencies, Place, Reporter, WeightsMarks
 
 EXIT_FINISHED, EXIT_FAILED, EXIT_UNRECOVERABLE = 0, 1, 2
-_ASK_AGAIN_S = 0.1
+Reply = TypeVar("Reply")
 
 
 def service_name(kind: Role, slot: int) -> str:
@@ -59,6 +62,38 @@ class WorkerProcess:
             TelemetryPublisher(self.bus, self.kind, self.id, reporter.report),
         )
 
+    def ask(
+        self,
+        key: str,
+        body: bytes,
+        decode: Callable[[bytes], Reply],
+        *,
+        waiting_for: str,
+        refused_as: str,
+        on_refusal: OnRefusal | None = None,
+        timeout_s: float = 2.0,
+        backoff: Backoff | None = None,
+    ) -> Reply | None:
+        """Asks at `key` until there is an answer (`bus.ask.ask`); None if this worker was stopped.
+
+        Args:
+            refused_as: the counter of refusals.
+            on_refusal: in place of counting them.
+        """
+        return ask(
+            self.bus,
+            key,
+            body,
+            decode,
+            stop=self.stop,
+            waiting=self.waiting,
+            waiting_for=waiting_for,
+            on_refusal=on_refusal
+            or (lambda reason: self.counters.refuse(refused_as, f"asking {key}: {reason}")),
+            timeout_s=timeout_s,
+            backoff=backoff,
+        )
+
     def at(self, run: UUID, slot: int, bus: Bus, stop: threading.Event) -> "Worker":
         """This worker at a place, with a session and an end that belong to the work there."""
         return Worker(
@@ -93,13 +128,14 @@ def fetch_config(worker: Worker) -> RunConfig | None:
     Raises:
         ConfigError: the answer is no valid configuration.
     """
-    while not worker.stop.is_set():
-        try:
-            answer = request(worker.bus, keys.config(worker.run), b"", timeout_s=2.0)
-        except (NoReplyError, RefusedError):
-            worker.waiting.set(f"the learner of run {worker.run} to tell the configuration")
-            worker.stop.wait(_ASK_AGAIN_S)
-            continue
-        worker.waiting.done()
-        return RunConfig.from_json(answer, source="the learner's configuration")
-    return None
+    answer = worker.ask(
+        keys.config(worker.run),
+        b"",
+        bytes,
+        waiting_for=f"the learner of run {worker.run} to tell the configuration",
+        refused_as="configurations_refused",
+    )
+    if answer is None:
+        return None
+    worker.waiting.done()
+    return RunConfig.from_json(answer, source="the learner's configuration")

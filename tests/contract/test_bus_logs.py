@@ -61,3 +61,31 @@ def test_no_line_becomes_another_file_and_no_file_grows_without_end(
     assert [path.name for path in folder.iterdir()] == ["edge-0.log"]
     assert [path.name for path in tmp_path.iterdir()] == ["logs"]
     del collector
+
+
+def test_lines_that_cannot_be_written_are_said_to_be_lost_once(
+    open_bus: Callable[[], Bus], tmp_path: Path, wait_for: Callable[..., None],
+    caplog: pytest.LogCaptureFixture,
+) -> None:  # fmt: skip
+    folder = tmp_path / "logs"
+    folder.symlink_to("/nowhere/logs")
+    with LogCollector(open_bus(), RUN, folder) as collector:
+        publisher = LatestPublisher(open_bus(), keys.log(RUN, "edge-0"), "frame")
+
+        def lost(count: int) -> bool:
+            publisher.put(b"line")
+            return collector.lost >= count
+
+        wait_for(lambda: lost(5), "lines to be lost")
+        assert [r.levelname for r in caplog.records] == ["ERROR"]
+        assert "No such file or directory" in caplog.text
+        folder.unlink()
+        folder.mkdir()
+
+        def kept() -> bool:
+            publisher.put(b"line")
+            return (folder / "edge-0.log").exists()
+
+        wait_for(kept, "lines to be kept")
+        wait_for(lambda: collector.lost == 0, "the count to be told")
+        assert "kept again" in caplog.records[-1].message

@@ -1,4 +1,6 @@
 import contextlib
+import errno
+import os
 import threading
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
@@ -50,6 +52,41 @@ def test_a_fault_in_a_handler_is_a_refusal_and_the_next_request_is_served(
         request(bus, "test/divide", b"\x00", timeout_s=5.0)
     assert request(bus, "test/divide", b"\x04", timeout_s=5.0) == b"\x03"
     del responder
+
+
+def test_a_flood_of_faults_is_counted_and_each_kind_shown_once(
+    open_bus: OpenBus, caplog: pytest.LogCaptureFixture
+) -> None:
+    full = OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), "/runs/1/episodes/0.bpne")
+
+    def store(body: bytes) -> bytes:
+        if body == b"store":
+            raise full
+        return bytes([12 // 0])
+
+    counters, bus = Counters(), open_bus()
+    with Responder(open_bus(), "test/store", store, counters):
+        for body in [b"store", b"divide"] * 60:
+            with pytest.raises(RefusedError) as refusal:
+                request(bus, "test/store", body, timeout_s=5.0)
+            if body == b"store":
+                assert str(refusal.value) == "No space left on device: /runs/1/episodes/0.bpne"
+    assert counters.snapshot() == {"requests_failed": 120}
+    assert "division" in counters.reasons()["requests_failed"]
+    assert sum(record.exc_info is not None for record in caplog.records) == 2
+    assert len(caplog.records) == 2 + 3  # and the 1st, 10th and 100th
+
+
+def test_who_is_closed_answers_no_more(open_bus: OpenBus) -> None:
+    bus, asking = open_bus(), open_bus()
+    with Responder(bus, "test/echo", bytes, Counters()) as responder:
+        assert request(asking, "test/echo", b"1", timeout_s=5.0) == b"1"
+    with pytest.raises(NoReplyError):
+        request(asking, "test/echo", b"2", timeout_s=1.0)
+    responder.close()  # once more does nothing
+    with Responder(bus, "test/echo", bytes, Counters()) as responder:
+        bus.close()
+    responder.close()  # after its session neither
 
 
 def test_a_handler_that_never_answers_ends_at_the_deadline(open_bus: OpenBus) -> None:

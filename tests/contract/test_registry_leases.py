@@ -12,8 +12,8 @@ import pytest
 
 from bpn_dashboard.database.engine import Database, sqlite_url
 from bpn_dashboard.database.tables import RunRow
+from bpn_dashboard.registry import desk, losses, states
 from bpn_dashboard.registry import dispatcher as dispatching
-from bpn_dashboard.registry import states
 from bpn_dashboard.registry.dispatcher import Dispatcher
 from bpn_dashboard.registry.store import RunStore
 from bpn_shared import keys
@@ -25,6 +25,7 @@ from bpn_shared.leased import LeaseLoop
 from bpn_shared.messages.lease import LeaseReply, LeaseRequest, Release, ReleaseReply, Role
 from bpn_shared.runs.folder import RunFolder
 from bpn_shared.service import Counters
+from bpn_shared.version import PROTOCOL
 from bpn_shared.worker import Worker, WorkerProcess
 
 CONFIG = RunConfig.for_task("reaching", iterations=3)
@@ -33,8 +34,8 @@ WaitFor = Callable[..., None]
 
 @pytest.fixture(autouse=True)
 def quick(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(dispatching, "SETTLE_S", 0.3)
-    monkeypatch.setattr(dispatching, "SURELY_DEAD_S", 0.2)
+    monkeypatch.setattr(desk, "SETTLE_S", 0.3)
+    monkeypatch.setattr(losses, "SURELY_DEAD_S", 0.2)
     monkeypatch.setattr(states, "LOST_AFTER_S", 0.5)
 
 
@@ -88,8 +89,8 @@ class Puppet:
         self.released.append(Release.decode(body))
         return ReleaseReply(working=True).encode()
 
-    def ask(self) -> LeaseReply:
-        body = LeaseRequest(role=self.role, worker=self.id).encode()
+    def ask(self, **more: Any) -> LeaseReply:
+        body = LeaseRequest(role=self.role, worker=self.id, protocol=PROTOCOL, **more).encode()
         return LeaseReply.decode(request(self.bus, keys.lease_request(), body, timeout_s=5.0))
 
     def take(self, lease: LeaseReply) -> None:
@@ -187,7 +188,7 @@ def test_a_registry_that_was_away_learns_all_leases_from_the_tokens(
     registry.begin()
     wait_for(lambda: registry.store.get(row.id).iteration == 1, "what went on meanwhile to be seen")
     begin_s = time.monotonic()
-    while time.monotonic() - begin_s < 2 * dispatching.SETTLE_S:
+    while time.monotonic() - begin_s < 2 * desk.SETTLE_S:
         assert idle.ask().verdict == "wait"
     assert not learner.released
     learner.die()

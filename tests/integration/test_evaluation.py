@@ -124,7 +124,7 @@ def test_the_command_reports_films_and_draws(
     )  # fmt: skip
     result = json.loads(done.stdout)
     assert result["lengths"] == [episode.steps for episode in greedy]
-    assert result["successes"] == [not episode.meta.failed for episode in greedy]
+    assert result["successes"] == [not episode.meta.terminated for episode in greedy]
     assert result["tracking_time"]["steps"] == pytest.approx(np.mean(result["lengths"]), abs=0.01)
     assert (result["policy"], result["pacing"], result["seed"]) == ("greedy", "lockstep", 3)
     assert len(imageio.imread(film)) == sum(result["lengths"]) + 4

@@ -38,9 +38,9 @@ def test_rewards_travel_with_the_frames_and_are_the_return(cartpole: dict[str, A
         for episode in episodes:
             assert set(episode.rewards[:-1]) <= {2.0}  # one for each of two steps
             assert episode.rewards[-1] in (1.0, 2.0)  # the pole may fall after the first
-            assert episode.meta.failed or episode.steps == 12
+            assert episode.meta.terminated or episode.steps == 12
         assert record["returns"] == pytest.approx([e.rewards.sum() for e in episodes])
-        assert record["failures"] == sum(episode.meta.failed for episode in episodes)
+        assert record["terminated"] == sum(episode.meta.terminated for episode in episodes)
         assert "return_px" not in record
     assert cartpole["returns"] == [
         pytest.approx(np.mean(record["returns"]), abs=1e-3) for record in folder.metrics()

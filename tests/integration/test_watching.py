@@ -8,7 +8,7 @@ import pytest
 
 from bpn.cli import parse
 from bpn.local_run import new_run, private_endpoint
-from bpn.options import config_from
+from bpn.options import given_run_options
 from bpn.summary import summarize
 from bpn.supervisor import Supervisor, services_of_run
 from bpn_dashboard.hub.topology import Link, Topology, TopologySnapshot
@@ -17,6 +17,7 @@ from bpn_shared.bus.liveliness import TokenWatch
 from bpn_shared.bus.session import Bus
 from bpn_shared.bus.telemetry import TelemetryWatch
 from bpn_shared.bus.watch import Watch
+from bpn_shared.config import RunConfig
 from bpn_shared.messages.decision import Decision
 from bpn_shared.messages.preview import PreviewHeader, check_pixels
 from bpn_shared.service import Counters
@@ -28,7 +29,8 @@ def watched(
 ) -> tuple[dict[str, Any], dict[str, Any]]:
     """The run's summary, and what was seen of it."""
     options = parse(["train", "reaching", "--seed", "5", *small])
-    folder = new_run(tmp_path_factory.mktemp("runs"), config_from(options))
+    config = RunConfig.for_task(options.task, **given_run_options(options))
+    folder = new_run(tmp_path_factory.mktemp("runs"), config)
     endpoint, counters, topology = private_endpoint(), Counters(), Topology()
     seen: dict[str, Any] = {"previews": [], "decisions": [], "snapshots": [], "counters": counters}
     services = services_of_run(folder.run, folder.config(), folder.path.parent, endpoint)

@@ -7,12 +7,17 @@ begin at once.
 import argparse
 import importlib
 import logging
+import os
+import signal
 import sys
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from bpn.errors import CommandError
+from bpn.terminal import spare_encoding
 from bpn_shared.errors import InputError
+
+EXIT_FAILED, EXIT_INPUT, EXIT_INTERRUPTED = 1, 2, 130
 
 
 class Command(NamedTuple):
@@ -35,35 +40,72 @@ COMMANDS = {
 }
 
 
+class _Version(argparse.Action):
+    """Prints the version, which is looked up only then."""
+
+    def __init__(self, option_strings: Sequence[str], dest: str) -> None:
+        super().__init__(option_strings, dest, nargs=0, help="print the version")
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: Any) -> None:
+        from bpn_shared.version import VERSION  # noqa: PLC0415
+
+        print(f"bpn {VERSION}")
+        parser.exit()
+
+
 def parse(arguments: Sequence[str]) -> argparse.Namespace:
     """The options of the command that the arguments name; `run` is what does it."""
     parser = argparse.ArgumentParser(
-        prog="bpn", description="Reinforcement learning of robot control with binarized networks."
+        prog="bpn",
+        description="Reinforcement learning of robot control with binarized networks.",
+        epilog="`bpn COMMAND --help` has a command's options. Exit status: 0 done, 1 failed, 2 wrong input, "
+        "130 interrupted.",
     )
+    parser.add_argument("--version", action=_Version)
     subparsers = parser.add_subparsers(required=True, metavar="COMMAND")
     for name, command in COMMANDS.items():
         own = subparsers.add_parser(name, help=command.help)
         if name in arguments[:1]:
             module = importlib.import_module(f"bpn.commands.{command.module}")
             own.description = module.__doc__
-            module.add_options(own)
+            module.add_options(own, arguments[1:])
+    if not arguments:
+        parser.print_help(sys.stderr)
+        parser.exit(EXIT_INPUT)
     return parser.parse_args(arguments)
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Runs one command. Exit status: 0 done, 1 failed, 2 wrong input, 130 interrupted."""
+    # Nothing is to be put in order yet, and an exception in the middle of an import may come out as any other.
+    interrupt = signal.signal(signal.SIGINT, lambda *_: os._exit(EXIT_INTERRUPTED))
+    spare_encoding()
     logging.basicConfig(
         level=logging.WARNING, format="%(levelname)s %(message)s", stream=sys.stderr
     )
-    options = parse(sys.argv[1:] if argv is None else argv)
+    try:
+        options = parse(sys.argv[1:] if argv is None else argv)
+    finally:
+        signal.signal(signal.SIGINT, interrupt)
     try:
         status: int = options.run(options)
         return status
     except InputError as error:
-        print(f"bpn: {error}", file=sys.stderr)
-        return 2
+        return _say(str(error), EXIT_INPUT)
     except CommandError as error:
-        print(f"bpn: {error}", file=sys.stderr)
-        return 1
+        return _say(str(error), EXIT_FAILED)
+    except OSError as error:
+        return _say(_reason(error), EXIT_FAILED)
     except KeyboardInterrupt:
-        return 130
+        return EXIT_INTERRUPTED
+
+
+def _say(reason: str, status: int) -> int:
+    print(f"bpn: {reason}", file=sys.stderr)
+    return status
+
+
+def _reason(error: OSError) -> str:
+    """A file or a connection that failed, in one line: what, and why."""
+    where = f"{error.filename}: " if error.filename else ""
+    return f"{where}{error.strerror or error}"

@@ -23,7 +23,7 @@ from bpn_shared.bus.metrics import MetricsSubscriber
 from bpn_shared.bus.session import Bus
 from bpn_shared.config import ConfigError, RunConfig
 from bpn_shared.messages.metrics import MetricsBatch
-from bpn_shared.runs.folder import RunFolder, State
+from bpn_shared.runs.folder import RunFolder, RunOwnedError, State
 
 log = logging.getLogger(__name__)
 
@@ -101,10 +101,9 @@ def run_to_end(
             supervisor.wait("learner", stop)
     finally:
         supervisor.stop()
-        state = folder.state()
-        if state.state not in ("finished", "failed") and not folder.is_owned():
-            end: State = "failed" if supervisor.failure else "stopped"
-            folder.set_state(end, error=supervisor.failure)
+        end: State = "failed" if supervisor.failure else "stopped"
+        with contextlib.suppress(RunOwnedError):  # by a learner elsewhere, which says how it ends
+            folder.settle(end, error=supervisor.failure, by="bpn train")
     if supervisor.failure:
         reason = folder.state().error
         raise RunFailedError(f"{supervisor.failure} in {folder.logs}\n{reason}".rstrip())

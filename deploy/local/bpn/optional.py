@@ -3,18 +3,18 @@
 from importlib import import_module
 from typing import Any
 
-from bpn_shared.config import ConfigError
+from bpn_shared.errors import InputError
 
 
 def load(module: str, *, extra: str, wanted_by: str) -> Any:
     """Imports a module of this distribution.
 
     Raises:
-        ConfigError: what it needs is not installed; the message says how to install it.
+        InputError: what it needs is not installed; the message says how to install it.
     """
     try:
         return import_module(module)
     except ModuleNotFoundError as error:
-        raise ConfigError(
+        raise InputError(
             f"{wanted_by} needs {error.name}, which is not installed: pip install 'bpn[{extra}]'"
         ) from error

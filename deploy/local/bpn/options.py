@@ -1,21 +1,30 @@
 """Command-line options that are the run configuration's fields, so that neither can miss one."""
 
 import argparse
+import re
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal, get_args, get_origin
 
 from annotated_types import Ge, Gt, Le, Lt
 
-from bpn_robot_sim.robot import gym_actions
-from bpn_shared.config import RunConfig
-from bpn_shared.tasks import is_gym
+from bpn_shared.config import PRESETS, RunConfig, preset_of
+from bpn_shared.tasks import GYM_PREFIX, TASK_PATTERN, TASKS, is_gym
 
 _RANGES = {Ge: "≥ {}", Gt: "> {}", Le: "≤ {}", Lt: "< {}"}
+_ANY_GYM = f"{GYM_PREFIX}ANY"
 
 
-def add_run_options(parser: argparse.ArgumentParser) -> None:
-    """Adds one option for every field of `RunConfig` but the task."""
-    group = parser.add_argument_group("run configuration (defaults: the task's preset)")
+def add_run_options(parser: argparse.ArgumentParser, arguments: Sequence[str]) -> None:
+    """Adds one option for every field of `RunConfig` but the task.
+
+    Args:
+        arguments: of the command; if they name a task, help shows the defaults that it will have.
+    """
+    task = next((word for word in arguments if re.fullmatch(TASK_PATTERN, word)), None)
+    of_whom = f"of {task}" if task else "of each task: `bpn train TASK --help`"
+    group = parser.add_argument_group(f"run configuration (defaults {of_whom})")
+    defaults = defaults_of(task) if task else common_defaults()
     for name, field in RunConfig.model_fields.items():
         if name != "task":
             # of a yes-or-no, the option alone is a yes
@@ -26,9 +35,26 @@ def add_run_options(parser: argparse.ArgumentParser) -> None:
                 f"--{name.replace('_', '-')}",
                 dest=name,
                 metavar=_metavar(field),
-                help=_help(field),
+                help=_help(field, _default(name, defaults, task)),
                 **alone,
             )
+
+
+def defaults_of(task: str) -> dict[str, Any]:
+    """What a run of the task gets where nothing is given; |A| of a Gymnasium environment may not be known (0)."""
+    unknown = is_gym(task) and not preset_of(task).get("actions")
+    config = RunConfig.for_task(task, **{"actions": 2} if unknown else {})
+    return dict(config) | ({"actions": 0} if unknown else {})
+
+
+def common_defaults() -> dict[str, Any]:
+    """The defaults in which all tasks agree."""
+    first, *others = (defaults_of(task) for task in {**TASKS, **PRESETS, _ANY_GYM: None})
+    return {
+        name: value
+        for name, value in first.items()
+        if all(other[name] == value for other in others)
+    }
 
 
 def add_runs_dir(parser: argparse.ArgumentParser) -> None:
@@ -37,22 +63,8 @@ def add_runs_dir(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def config_from(options: argparse.Namespace) -> RunConfig:
-    """The configuration that the options ask for.
-
-    The actions of a Gymnasium environment are found out here, once, so that no other service needs it.
-
-    Raises:
-        ConfigError: a value is outside its range, named with its option, or the environment cannot be a task.
-    """
-    given = given_run_options(options)
-    if is_gym(options.task):
-        given = {"actions": gym_actions(options.task)} | given
-    return RunConfig.for_task(options.task, **given)
-
-
 def given_run_options(options: argparse.Namespace) -> dict[str, Any]:
-    """The fields that the command line names."""
+    """The fields that the command line names, but the task."""
     return {
         name: value
         for name in RunConfig.model_fields
@@ -66,10 +78,18 @@ def _metavar(field: Any) -> str:
     return str(field.annotation.__name__).upper()
 
 
-def _help(field: Any) -> str:
+def _default(name: str, defaults: Mapping[str, Any], task: str | None) -> str:
+    if name == "actions" and not defaults.get(name):
+        return "found out" if task else "by task"
+    if name not in defaults:
+        return "by task"
+    return f"{defaults[name]} for {task}" if task else str(defaults[name])
+
+
+def _help(field: Any, default: str) -> str:
     ranges = [_RANGES[type(m)].format(_bound(m)) for m in field.metadata if type(m) in _RANGES]
     bounds = f" ({', '.join(ranges)})" if ranges else ""
-    return f"{field.description}{bounds}; default {field.default}".replace("%", "%%")
+    return f"{field.description}{bounds}; default {default}".replace("%", "%%")
 
 
 def _bound(constraint: Any) -> Any:

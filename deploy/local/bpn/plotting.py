@@ -36,13 +36,15 @@ def colour(index: int) -> str:
 def band(
     axes: Axes, curves: npt.NDArray[np.float64], *, label: str, index: int, style: str
 ) -> None:
-    """Mean over seeds with one standard deviation around it, float64[seeds, iterations]; says n."""
+    """Mean over seeds with one standard deviation (n - 1) around it, float64[seeds, iterations]; says n."""
     x = np.arange(1, curves.shape[1] + 1)
-    mean, std = curves.mean(axis=0), curves.std(axis=0)
+    mean = curves.mean(axis=0)
     line = f"{label} (n = {len(curves)})"
     axes.plot(x, mean, style, color=colour(index), linewidth=1.6, label=line)
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))
-    axes.fill_between(x, mean - std, mean + std, color=colour(index), alpha=0.15, linewidth=0)
+    if len(curves) > 1:
+        std = curves.std(axis=0, ddof=1)
+        axes.fill_between(x, mean - std, mean + std, color=colour(index), alpha=0.15, linewidth=0)
 
 
 def reference(axes: Axes, value: float, label: str, style: str) -> None:
@@ -61,5 +63,4 @@ def entitle(figure: Figure, title: str, *, of: str, legend: Axes | None = None) 
 
 def save(figure: Figure, path: Path) -> None:
     """Writes a PNG, or what else the suffix says."""
-    path.parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(path, dpi=_DPI)

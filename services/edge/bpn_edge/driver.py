@@ -19,6 +19,7 @@ from bpn_shared.messages.frame import FrameHeader
 from bpn_shared.outputs import Outputs
 from bpn_shared.seeds import action_uniform
 from bpn_shared.tasks import Task
+from bpn_shared.watchdog import STEPS_PLAYED
 from bpn_shared.worker import Worker
 
 Choose = Callable[[Outputs, float], int]
@@ -185,6 +186,7 @@ class _Game:
         self._link.send(self._answer)
         self._recorder.add_outputs(outputs, inference_ns, self._answer.edge_ns)
         self._feed.note(self._assignment, self._answer, outputs)
+        self._worker.counters.add(STEPS_PLAYED)
 
     def _finish(self) -> None:
         for name, durations_us in self._recorder.latencies_us().items():

@@ -72,7 +72,7 @@ class EpisodeRecorder:
         self, assignment: Assignment, *, slot: int, worker: str, weights_attempt: int
     ) -> Episode:
         """The episode, once the last frame was added. Actions are those that the robot applied."""
-        later = self._headers[1:]
+        later, last = self._headers[1:], self._headers[-1]
         return Episode(
             meta=EpisodeMeta(
                 iteration=assignment.iteration,
@@ -82,8 +82,9 @@ class EpisodeRecorder:
                 worker=worker,
                 weights_attempt=weights_attempt,
                 weights_version=assignment.weights_version,
-                failed=self._headers[-1].kind == FrameKind.FAILED,
-                deadline_misses=self._headers[-1].deadline_misses,
+                terminated=last.kind == FrameKind.TERMINATED,
+                success=last.success,
+                deadline_misses=last.deadline_misses,
                 duration_ns=self._received_ns[-1] - self._received_ns[0],
             ),
             frames=np.stack(self._frames),

@@ -7,16 +7,14 @@ import numpy.typing as npt
 
 from bpn_shared import keys
 from bpn_shared.bus.latest import DirectSubscriber, LatestPublisher
-from bpn_shared.bus.requests import NoReplyError, RefusedError, request
 from bpn_shared.messages.action import Action
 from bpn_shared.messages.base import MessageError
-from bpn_shared.messages.control import Reset
+from bpn_shared.messages.control import Reset, ResetReply
 from bpn_shared.messages.frame import FrameHeader, decode_frame
 from bpn_shared.tasks import Task
 from bpn_shared.worker import Worker
 
 _RESET_TIMEOUT_S = 1.0
-_RESET_AGAIN_S = 0.1
 
 OnFrame = Callable[[FrameHeader, npt.NDArray[np.uint8], int], None]
 """Takes a frame: header, pixels uint8[c, 84, 84], when it arrived (monotonic ns)."""
@@ -53,16 +51,15 @@ class RobotLink:
     def reset(self, reset: Reset) -> bool:
         """Tells the robot to begin an episode, again and again until it answers; False if stopped."""
         worker = self._worker
-        while not worker.stop.is_set():
-            try:
-                request(worker.bus, self._reset_key, reset.encode(), timeout_s=_RESET_TIMEOUT_S)
-                return True
-            except NoReplyError:
-                worker.waiting.set(f"robot {worker.slot} to answer a reset")
-            except RefusedError as error:
-                worker.counters.refuse("resets_refused", f"robot {worker.slot}: {error}")
-            worker.stop.wait(_RESET_AGAIN_S)
-        return False
+        answer = worker.ask(
+            self._reset_key,
+            reset.encode(),
+            ResetReply.decode,
+            waiting_for=f"robot {worker.slot} to answer a reset",
+            refused_as="resets_refused",
+            timeout_s=_RESET_TIMEOUT_S,
+        )
+        return answer is not None
 
     def send(self, action: Action) -> None:
         self._actions.put(action.encode())

@@ -12,7 +12,6 @@ from bpn_edge.robot_link import RobotLink
 from bpn_shared.bus.weights import WeightsSubscriber
 from bpn_shared.config import RunConfig
 from bpn_shared.entry import run_slot_worker
-from bpn_shared.messages.base import MessageError
 from bpn_shared.messages.control import Assignment
 from bpn_shared.weights import Weights
 from bpn_shared.worker import EXIT_FINISHED, Worker
@@ -20,7 +19,6 @@ from bpn_shared.worker import EXIT_FINISHED, Worker
 log = logging.getLogger(__name__)
 
 _WEIGHTS_TIMEOUT_S = 1.0
-_AGAIN_S = 0.02
 _SILENCE_S = 1.0
 
 
@@ -62,7 +60,7 @@ def serve(worker: Worker, config: RunConfig) -> int:
         learner, pace = LearnerLink(worker), Pace()
         while not worker.stop.is_set():
             newest = memory.newest
-            assignment = _ask(learner, worker, newest)
+            assignment = learner.next_episode(newest)
             if assignment is None:
                 continue
             if assignment.verdict == "finished":
@@ -86,15 +84,6 @@ def serve(worker: Worker, config: RunConfig) -> int:
             if episode is not None:
                 learner.deliver(episode)
     return EXIT_FINISHED
-
-
-def _ask(learner: LearnerLink, worker: Worker, version: int | None) -> Assignment | None:
-    try:
-        return learner.next_episode(version)
-    except MessageError as error:
-        worker.counters.refuse("answers_refused", str(error))
-        worker.stop.wait(_AGAIN_S)
-        return None
 
 
 def main(argv: list[str] | None = None) -> int:

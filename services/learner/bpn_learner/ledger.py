@@ -186,7 +186,7 @@ def why_invalid(episode: Episode, config: RunConfig) -> str | None:
     if told and not np.isfinite(episode.rewards).all():
         return "not every step has a reward, the task's come from the robot"
     may_be_short = (
-        meta.failed or told
+        meta.terminated or told
     )  # such an environment may end an episode for reasons of its own
     if episode.steps > config.steps or (episode.steps < config.steps and not may_be_short):
         return f"{episode.steps} steps, an episode of this run has {config.steps}"

@@ -9,16 +9,13 @@ from bpn_learner.initial import initial_policy
 from bpn_learner.rendezvous import join
 from bpn_learner.update import DivergenceError, PolicyUpdate, UpdateStopped, fit
 from bpn_shared import keys
-from bpn_shared.bus.requests import NoReplyError, RefusedError, request
 from bpn_shared.config import RunConfig
-from bpn_shared.messages.base import MessageError
 from bpn_shared.messages.meeting import MeetingReply, MeetingRequest
 from bpn_shared.seeds import shuffle_generator
 from bpn_shared.worker import EXIT_FINISHED, Worker, fetch_config
 
 log = logging.getLogger(__name__)
 
-_ASK_TIMEOUT_S = 2.0
 _ASK_AGAIN_S = 0.1
 
 
@@ -53,18 +50,19 @@ class _Member:
         body = MeetingRequest(rank=worker.slot, worker=worker.id).encode()
         key = keys.meeting(worker.run)
         while not worker.stop.is_set():
-            try:
-                reply = MeetingReply.decode(
-                    request(worker.bus, key, body, timeout_s=_ASK_TIMEOUT_S)
-                )
-                if reply.verdict == "meet":
-                    worker.waiting.done()
-                    return reply
-                worker.waiting.set("the run's next update")
-            except NoReplyError:
-                worker.waiting.set("the run's learner of rank 0")
-            except (RefusedError, MessageError) as error:
-                worker.counters.refuse("meetings_refused", f"asking for the next update: {error}")
+            reply = worker.ask(
+                key,
+                body,
+                MeetingReply.decode,
+                waiting_for="the run's learner of rank 0",
+                refused_as="meetings_refused",
+            )
+            if reply is None:
+                break
+            if reply.verdict == "meet":
+                worker.waiting.done()
+                return reply
+            worker.waiting.set("the run's next update")
             worker.stop.wait(_ASK_AGAIN_S)
         return None
 

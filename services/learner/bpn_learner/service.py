@@ -1,6 +1,7 @@
 """`bpn-learner`: hands out episodes, learns from them, publishes weights. Owns the run folder."""
 
 import logging
+from collections.abc import Mapping
 from pathlib import Path
 
 from bpn_learner.checkpoint import CheckpointError
@@ -21,6 +22,7 @@ from bpn_shared.config import ConfigError
 from bpn_shared.entry import argument_parser, run_worker
 from bpn_shared.messages.control import NextEpisode
 from bpn_shared.runs.folder import RunFolder
+from bpn_shared.watchdog import EPISODES_STORED, EPOCHS_DONE
 from bpn_shared.weights import Weights
 from bpn_shared.worker import EXIT_FINISHED, EXIT_UNRECOVERABLE, Worker
 
@@ -68,7 +70,9 @@ def _train(worker: Worker, folder: RunFolder, attempt: int) -> None:
         return ledger.next(NextEpisode.decode(body)).encode()
 
     def episode(body: bytes) -> bytes:
-        return ledger.receive(body).encode()
+        receipt = ledger.receive(body)
+        worker.counters.add(EPISODES_STORED, receipt.verdict == "stored")
+        return receipt.encode()
 
     def configuration(_body: bytes) -> bytes:
         return config.model_dump_json().encode()
@@ -79,6 +83,12 @@ def _train(worker: Worker, folder: RunFolder, attempt: int) -> None:
         # Noted before it is sent: an edge may have loaded it while we still send.
         worker.weights.note("published", released)
         weights.publish(released)
+
+    metrics = MetricsPublisher(worker.bus, worker.run, "learner", worker.id)
+
+    def report(iteration: int, values: Mapping[str, float]) -> None:
+        worker.counters.add(EPOCHS_DONE, "progress.epochs" in values)
+        metrics.put(iteration, values)
 
     responders = [
         Responder(worker.bus, keys.config(worker.run), configuration, worker.counters),
@@ -92,7 +102,7 @@ def _train(worker: Worker, folder: RunFolder, attempt: int) -> None:
         attempt=attempt,
         publish=publish,
         rendezvous=Rendezvous(worker, config) if config.learners > 1 else None,
-        report=MetricsPublisher(worker.bus, worker.run, "learner", worker.id).put,
+        report=report,
         waiting=worker.waiting,
         stop=worker.stop,
     )

@@ -33,6 +33,7 @@ from bpn_shared.runs.files import write_atomically
 from bpn_shared.runs.folder import RunFolder
 from bpn_shared.seeds import shuffle_generator
 from bpn_shared.service import Waiting
+from bpn_shared.success import share, success_of
 from bpn_shared.weights import Weights
 
 if TYPE_CHECKING:
@@ -162,7 +163,7 @@ class Training:
             frames=episode.frames,
             actions=episode.actions,
             rewards=rewards * self._config.reward_scale,
-            failed=episode.meta.failed,
+            terminated=episode.meta.terminated,
         )
 
     def _keep_rewards(self, iteration: int) -> None:
@@ -213,6 +214,15 @@ class Training:
             yield group
             self._exchange_s = group.exchange_s
 
+    def _successes(self, episodes: list[Episode]) -> dict[str, int]:
+        """How many succeeded, if that is defined."""
+        task, scale = self._config.task_spec, self._config.reward_scale
+        told = [
+            success_of(task, episode.meta, data.rewards / scale)
+            for episode, data in zip(episodes, self._data[-1], strict=True)
+        ]
+        return {} if share(told) is None else {"successes": sum(map(bool, told))}
+
     def _record(
         self, iteration: int, episodes: list[Episode], update: UpdateReport, weights: Weights
     ) -> dict[str, float | int | str | list[float]]:
@@ -230,7 +240,8 @@ class Training:
             name: float(np.mean(returns)),
             name.replace("return", "returns"): returns,
             "length": float(np.mean(lengths)),
-            "failures": sum(episode.meta.failed for episode in episodes),
+            "terminated": sum(episode.meta.terminated for episode in episodes),
+            **self._successes(episodes),
             "deadline_misses": sum(episode.meta.deadline_misses for episode in episodes),
             "loss_first": update.loss_first,
             "loss": update.loss_last,

@@ -20,13 +20,13 @@ class EpisodeData:
         frames: uint8[T+1, c, 84, 84].
         actions: integers [T].
         rewards: float[T], scaled.
-        failed: the last frame is a failure of the task, not a time limit.
+        terminated: the task ended the episode, good or bad, not a time limit.
     """
 
     frames: npt.NDArray[np.uint8]
     actions: npt.NDArray[np.integer]
     rewards: npt.NDArray[np.floating]
-    failed: bool = False
+    terminated: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,7 +84,7 @@ class Transitions:
             indices = [frame_indices(step, frames_stacked) for step in range(frames)]
             stacks.append(first + np.array(indices, np.int64))
             first += frames
-        done = [np.arange(1, len(e.frames)) == len(e.actions) * e.failed for e in episodes]
+        done = [np.arange(1, len(e.frames)) == len(e.actions) * e.terminated for e in episodes]
         return cls(
             frames=torch.from_numpy(np.concatenate([e.frames for e in episodes])),
             observations=torch.from_numpy(np.concatenate([s[:-1] for s in stacks])),

@@ -40,7 +40,7 @@ class PolicyUpdate:
         epochs: C.
         batch: B, at least 2.
         target: "cvi" (BPN, CVI, DPP) or "dqn" (BQN, DQN).
-        mask_terminals: no bootstrap from failures; Algorithm 1 as printed bootstraps from every s'.
+        mask_terminals: no bootstrap from terminal states; Algorithm 1 as printed bootstraps from every s'.
         relative_targets: y less its mean over D, see `targets`.
         learning_rate_share: of the optimizer's learning rate, in this update's first epoch.
         learning_rate_final: of that, in the last epoch; in between it falls along a cosine.

@@ -70,7 +70,7 @@ def main() -> None:
         returns_px = np.array([episode.return_px for episode in episodes])
         steps = np.array([episode.steps for episode in episodes])
         print(
-            f"{policy:>24} {returns_px.mean():8.1f} ± {returns_px.std():5.1f} {steps.mean():7.1f}"
+            f"{policy:>24} {returns_px.mean():8.1f} ± {returns_px.std(ddof=1):5.1f} {steps.mean():7.1f}"
             f" {np.mean([episode.lost for episode in episodes]):6.0%}"
             f" {returns_px.sum() / steps.sum():10.1f}"
         )

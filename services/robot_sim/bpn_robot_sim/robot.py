@@ -10,6 +10,10 @@ from bpn_shared.tasks import Task, is_gym, task_named
 Info = dict[str, tuple[float, float]]
 
 
+class RobotFault(RuntimeError):  # noqa: N818 - what the bus calls it too
+    """The robot cannot go on with this episode; the message says what happened."""
+
+
 class Robot(Protocol):
     """A robot with its camera.
 
@@ -30,6 +34,10 @@ class Robot(Protocol):
     @property
     def truncated(self) -> bool:
         """Whether the episode has to end before its time for no reason of the task's, as a simulator may say."""
+
+    @property
+    def success(self) -> bool | None:
+        """What the environment says of the episode so far; None where it does not say."""
 
     def reset(self, seed: int) -> Frame:
         """Starts an episode at the start that belongs to the seed, and returns its first frame."""
@@ -103,21 +111,16 @@ def robot_for(task: Task) -> Robot:
     """
     if not is_gym(task.name):
         return make_robot(task.name)
-    robot: Robot = _of_gym("GymRobot")(task)
+    robot: Robot = of_gym("GymRobot")(task)
     return robot
 
 
-def gym_actions(task_name: str) -> int:
-    """|A| of a Gymnasium environment, which is made and closed for it.
+def of_gym(name: str) -> Any:
+    """An object that `gym_robot` has, which needs an extra.
 
     Raises:
-        ConfigError: it cannot be a task, or what it needs is not installed.
+        ConfigError: the extra is not installed.
     """
-    actions: int = _of_gym("probe_actions")(task_name)
-    return actions
-
-
-def _of_gym(name: str) -> Any:
     try:
         return resolve_name(f"bpn_robot_sim.gym_robot:{name}")
     except ModuleNotFoundError as error:

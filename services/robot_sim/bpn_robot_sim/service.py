@@ -11,6 +11,7 @@ from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from bpn_robot_sim.probe import answer
 from bpn_robot_sim.robot import Robot, robot_for
 from bpn_shared import keys
 from bpn_shared.bus.latest import LatestPublisher, LatestSubscriber, Sample
@@ -133,7 +134,7 @@ class RobotService:
             step += 1
             kind = FrameKind.MID
             if robot.terminated:
-                kind = FrameKind.FAILED
+                kind = FrameKind.TERMINATED
             elif robot.truncated or step == self._config.steps:
                 kind = FrameKind.LAST
 
@@ -248,4 +249,4 @@ def serve(worker: Worker, config: RunConfig) -> int:
 
 def main(argv: list[str] | None = None) -> int:
     """The robot service."""
-    return run_slot_worker("robot_sim", __doc__, serve, argv)
+    return run_slot_worker("robot_sim", __doc__, serve, argv, {keys.probe(): answer})

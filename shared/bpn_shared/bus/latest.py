@@ -13,7 +13,9 @@ from typing import Literal, NamedTuple
 
 import zenoh
 
+from bpn_shared.bus.declared import Declared
 from bpn_shared.bus.session import Bus
+from bpn_shared.bus.signal import Signal
 
 _PRIORITIES = {"frame": zenoh.Priority.DATA_HIGH, "action": zenoh.Priority.REAL_TIME}
 
@@ -26,7 +28,7 @@ class Sample(NamedTuple):
     t_receive_ns: int
 
 
-class LatestPublisher:
+class LatestPublisher(Declared):
     """Sends without ever blocking: what cannot go at once is dropped (the receiver wants only the newest).
 
     Not `express`, which sounds right: a message that may be batched leaves as soon as the link is free all
@@ -34,10 +36,13 @@ class LatestPublisher:
     """
 
     def __init__(self, bus: Bus, key: str, kind: Literal["frame", "action"]) -> None:
-        self._publisher = bus.zenoh.declare_publisher(
-            key,
-            congestion_control=zenoh.CongestionControl.DROP,
-            priority=_PRIORITIES[kind],
+        super().__init__()
+        self._publisher = self._keep(
+            bus.zenoh.declare_publisher(
+                key,
+                congestion_control=zenoh.CongestionControl.DROP,
+                priority=_PRIORITIES[kind],
+            )
         )
         self._sent = bus.traffic.sent(key)
 
@@ -50,13 +55,14 @@ OnMessage = Callable[[bytes, bytes, int], None]
 """Takes a message: attachment, payload, and when it came (this process's monotonic clock, ns)."""
 
 
-class DirectSubscriber:
+class DirectSubscriber(Declared):
     """Calls `handler` with every message, one after the other, on the network thread.
 
     What the handler raises is only logged by Zenoh, so it should raise nothing.
     """
 
     def __init__(self, bus: Bus, key: str, handler: OnMessage) -> None:
+        super().__init__()
         tally = bus.traffic.received(key)
 
         def receive(sample: zenoh.Sample) -> None:
@@ -67,23 +73,18 @@ class DirectSubscriber:
             handler(header, payload, now_ns)
             tally.add(len(payload))
 
-        self._subscriber = bus.zenoh.declare_subscriber(
-            key, zenoh.handlers.Callback(receive, indirect=False)
+        self._keep(
+            bus.zenoh.declare_subscriber(key, zenoh.handlers.Callback(receive, indirect=False))
         )
 
 
 class LatestSubscriber:
-    """A slot with the newest message; older ones that nobody took are gone.
-
-    One thread takes. It waits on a bare lock, which is one call: between the sending of a frame and going to
-    sleep, a robot's every instruction delays the frame where robot and network share a core.
-    """
+    """A slot with the newest message; older ones that nobody took are gone. One thread takes."""
 
     def __init__(self, bus: Bus, key: str) -> None:
         self._slot = threading.Lock()
         self._sample: Sample | None = None
-        self._news = threading.Lock()  # held while there are none
-        self._news.acquire()
+        self._news = Signal()
         self.received = 0
         """Messages so far, taken or not."""
         self._tally = bus.traffic.received(key)
@@ -96,20 +97,19 @@ class LatestSubscriber:
                 self._tally.dropped += 1
             self._sample = Sample(attachment, payload, t_receive_ns)
             self.received += 1
-            self._tell()
+        self._news.tell()
 
     def wake(self) -> None:
         """Makes `take` return at once, the one that waits now or the next one."""
-        with self._slot:
-            self._tell()
+        self._news.tell()
 
-    def _tell(self) -> None:
-        if self._news.locked():
-            self._news.release()
+    def close(self) -> None:
+        """Takes in no more."""
+        self._subscriber.close()
 
     def take(self, timeout_s: float) -> Sample | None:
         """The newest message that nobody took yet; None if none came within the timeout, or after `wake`."""
-        self._news.acquire(timeout=max(0.0, timeout_s))
+        self._news.wait(timeout_s)
         with self._slot:
             sample, self._sample = self._sample, None
             return sample

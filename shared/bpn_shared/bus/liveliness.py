@@ -6,18 +6,20 @@ from collections.abc import Callable
 import zenoh
 
 from bpn_shared import keys
+from bpn_shared.bus.declared import Declared
 from bpn_shared.bus.session import Bus
 
 
-class Token:
-    """Stands at a key until the session ends."""
+class Token(Declared):
+    """Stands at a key."""
 
     def __init__(self, bus: Bus, key: str) -> None:
-        self._token = bus.zenoh.liveliness().declare_token(key)
+        super().__init__()
+        self._keep(bus.zenoh.liveliness().declare_token(key))
 
 
 class AliveToken(Token):
-    """Says that this worker is alive, until the session ends."""
+    """Says that this worker is alive."""
 
     def __init__(self, bus: Bus, kind: str, worker: str) -> None:
         super().__init__(bus, keys.live(kind, worker))
@@ -27,21 +29,19 @@ OnToken = Callable[[str, bool], None]
 """Takes a token's key, and whether it has appeared (or has gone). It must be quick."""
 
 
-class TokenWatch:
+class TokenWatch(Declared):
     """Calls `on_token` for every token that matches a key expression, on a thread of its own.
 
     Tokens that stand already are told soon after the beginning.
     """
 
     def __init__(self, bus: Bus, pattern: str, on_token: OnToken) -> None:
+        super().__init__()
+
         def changed(token: zenoh.Sample) -> None:
             on_token(str(token.key_expr), token.kind == zenoh.SampleKind.PUT)
 
-        self._subscriber = bus.zenoh.liveliness().declare_subscriber(pattern, changed, history=True)
-
-    def close(self) -> None:
-        """Ends the subscription."""
-        self._subscriber.undeclare()  # type: ignore[no-untyped-call]
+        self._keep(bus.zenoh.liveliness().declare_subscriber(pattern, changed, history=True))
 
 
 class Alive:
@@ -59,6 +59,10 @@ class Alive:
                 self._workers.add(worker)
             else:
                 self._workers.discard(worker)
+
+    def close(self) -> None:
+        """Looks no more; `workers` stays as it is."""
+        self._watch.close()
 
     def workers(self) -> set[str]:
         """Their ids."""

@@ -1,5 +1,6 @@
 """Log lines of workers that do not share the run folder, on their way there."""
 
+import contextlib
 import logging
 import re
 import threading
@@ -11,7 +12,11 @@ from uuid import UUID
 import zenoh
 
 from bpn_shared import keys, log_lines
+from bpn_shared.bus.declared import Declared
 from bpn_shared.bus.session import Bus
+from bpn_shared.errors import one_line
+
+log = logging.getLogger(__name__)
 
 MAX_LINE_BYTES = 16 * 1024
 MAX_FILE_BYTES = 64 * 1024 * 1024
@@ -50,21 +55,50 @@ class LogPublisher(logging.Handler):
         traceback: TracebackType | None,
     ) -> None:
         logging.getLogger().removeHandler(self)
+        self.close()
+
+    def close(self) -> None:
+        """Sends no more."""
+        with contextlib.suppress(zenoh.ZError):  # the session has ended, and it with it
+            self._publisher.undeclare()  # type: ignore[no-untyped-call]
+        super().close()
 
 
-class LogCollector:
-    """Appends the log lines of a run's workers to the files of its folder, until the session ends."""
+class LogCollector(Declared):
+    """Appends the log lines of a run's workers to the files of its folder.
+
+    Lines that cannot be written, as on a full disk, are lost and counted; that is said once, as is the end of it.
+
+    Attributes:
+        lost: lines since the last one that could be written.
+    """
 
     def __init__(self, bus: Bus, run: UUID, folder: Path) -> None:
+        super().__init__()
         self._folder = folder
         self._lock = threading.Lock()
-        self._subscriber = bus.zenoh.declare_subscriber(keys.log(run, "*"), self._receive)
+        self.lost = 0
+        self._keep(bus.zenoh.declare_subscriber(keys.log(run, "*"), self._receive))
 
     def _receive(self, sample: zenoh.Sample) -> None:
         service = str(sample.key_expr).rsplit("/", 1)[-1]
         line = sample.payload.to_bytes()[:MAX_LINE_BYTES]
         if not _SERVICE.fullmatch(service):  # it becomes a file name
             return
-        with self._lock, (self._folder / f"{service}.log").open("ab") as file:
+        with self._lock:
+            try:
+                self._append(self._folder / f"{service}.log", line.rstrip(b"\n") + b"\n")
+            except OSError as error:
+                self.lost += 1
+                if self.lost == 1:
+                    log.error("log lines of workers are lost: %s", one_line(error))
+            else:
+                if self.lost:
+                    log.warning("log lines of workers are kept again; %d were lost", self.lost)
+                self.lost = 0
+
+    @staticmethod
+    def _append(path: Path, line: bytes) -> None:
+        with path.open("ab") as file:
             if file.tell() < MAX_FILE_BYTES:
-                file.write(line.rstrip(b"\n") + b"\n")
+                file.write(line)

@@ -8,6 +8,7 @@ from uuid import UUID
 import zenoh
 
 from bpn_shared import keys
+from bpn_shared.bus.declared import Declared
 from bpn_shared.bus.session import Bus
 from bpn_shared.messages.base import MessageError
 from bpn_shared.messages.metrics import MetricsBatch, Point
@@ -15,14 +16,17 @@ from bpn_shared.messages.metrics import MetricsBatch, Point
 log = logging.getLogger(__name__)
 
 
-class MetricsPublisher:
+class MetricsPublisher(Declared):
     """Publishes values that someone may be watching."""
 
     def __init__(self, bus: Bus, run: UUID, kind: str, worker: str) -> None:
-        self._publisher = bus.zenoh.declare_publisher(
-            keys.metrics(run, kind, worker),
-            congestion_control=zenoh.CongestionControl.DROP,
-            priority=zenoh.Priority.BACKGROUND,
+        super().__init__()
+        self._publisher = self._keep(
+            bus.zenoh.declare_publisher(
+                keys.metrics(run, kind, worker),
+                congestion_control=zenoh.CongestionControl.DROP,
+                priority=zenoh.Priority.BACKGROUND,
+            )
         )
         self._sent = bus.traffic.sent(keys.metrics(run, kind, worker))
 
@@ -34,12 +38,13 @@ class MetricsPublisher:
         self._sent.add(len(payload))
 
 
-class MetricsSubscriber:
+class MetricsSubscriber(Declared):
     """Calls `on_batch` with every batch of a run, on a thread of its own."""
 
     def __init__(self, bus: Bus, run: UUID, on_batch: Callable[[MetricsBatch], None]) -> None:
+        super().__init__()
         self._on_batch = on_batch
-        self._subscriber = bus.zenoh.declare_subscriber(keys.metrics(run, "*", "*"), self._receive)
+        self._keep(bus.zenoh.declare_subscriber(keys.metrics(run, "*", "*"), self._receive))
 
     def _receive(self, sample: zenoh.Sample) -> None:
         try:

@@ -4,16 +4,15 @@ A reply is one status byte and a body, so that a refusal by the other side (`Ref
 an answer (`NoReplyError`) can never be confused.
 """
 
-import logging
 from collections.abc import Callable
 
 import zenoh
 
+from bpn_shared.bus.declared import Declared
 from bpn_shared.bus.session import Bus
+from bpn_shared.errors import one_line
 from bpn_shared.messages.base import MessageError
 from bpn_shared.service import Counters
-
-log = logging.getLogger(__name__)
 
 _ANSWER, _REFUSAL = b"\x00", b"\x01"
 
@@ -54,23 +53,24 @@ def request(bus: Bus, key: str, body: bytes, *, timeout_s: float) -> bytes:
     raise NoReplyError(f"no reply at {key} within {timeout_s} s")
 
 
-class Responder:
+class Responder(Declared):
     """Answers requests at one key, one at a time, on a thread of its own.
 
     Args:
-        handler: from request bytes to reply bytes; `MessageError` or `RefusedError` from it become a refusal
-            with its message.
-        counters: `requests_refused` is counted here.
+        handler: from request bytes to reply bytes; `MessageError`, `RefusedError` or `OSError` (a full disk) from
+            it become a refusal with its message, anything else one without details.
+        counters: `requests_refused` is counted here, and `requests_failed` for what the handler should not raise.
     """
 
     def __init__(
         self, bus: Bus, key: str, handler: Callable[[bytes], bytes], counters: Counters
     ) -> None:
+        super().__init__()
         self._key = key
         self._handler = handler
         self._counters = counters
         self._received = bus.traffic.received(key)
-        self._queryable = bus.zenoh.declare_queryable(key, self._answer, complete=True)
+        self._keep(bus.zenoh.declare_queryable(key, self._answer, complete=True))
 
     def _answer(self, query: zenoh.Query) -> None:
         with query:  # dropped at once: the asker waits for that
@@ -84,6 +84,9 @@ class Responder:
         except (MessageError, RefusedError) as error:
             self._counters.refuse("requests_refused", f"{self._key}: {error}")
             return _REFUSAL + str(error).encode()
-        except Exception:
-            log.exception("answering a request at %s failed", self._key)
+        except OSError as error:
+            self._counters.fault("requests_failed", f"answering at {self._key}", error)
+            return _REFUSAL + one_line(error).encode()
+        except Exception as error:
+            self._counters.fault("requests_failed", f"answering at {self._key}", error)
             return _REFUSAL + b"internal error, see the log of the answering service"

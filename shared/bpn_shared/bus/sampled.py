@@ -12,6 +12,7 @@ from typing import Generic, TypeVar
 import zenoh
 
 from bpn_shared.bus.session import Bus
+from bpn_shared.bus.signal import Signal
 
 log = logging.getLogger(__name__)
 
@@ -33,8 +34,7 @@ class SampledPublisher(Generic[Item]):
     def __init__(self, bus: Bus, key: str, rate_hz: float, encode: Encode[Item]) -> None:
         self._period_s, self._encode = 1 / rate_hz, encode
         self._item: Item | None = None
-        self._news = threading.Lock()  # held while there are none
-        self._news.acquire()
+        self._news = Signal()
         self._closed = threading.Event()
         self._sent = bus.traffic.sent(key)
         self._publisher = bus.zenoh.declare_publisher(
@@ -59,12 +59,11 @@ class SampledPublisher(Generic[Item]):
         """Leaves an item to be published, instead of an older one that is not published yet."""
         if self.watched:
             self._item = item
-            if self._news.locked():
-                self._news.release()
+            self._news.tell()
 
     def _publish(self) -> None:
         while True:
-            self._news.acquire()
+            self._news.wait()
             item, self._item = self._item, None
             if self._closed.is_set():
                 return
@@ -84,8 +83,7 @@ class SampledPublisher(Generic[Item]):
             return
         self.watched = False
         self._closed.set()
-        if self._news.locked():
-            self._news.release()
+        self._news.tell()
         self._thread.join()
         self._listener.undeclare()  # type: ignore[no-untyped-call]
         self._publisher.undeclare()  # type: ignore[no-untyped-call]

@@ -4,19 +4,21 @@ from collections.abc import Callable
 
 import zenoh
 
+from bpn_shared.bus.declared import Declared
 from bpn_shared.bus.session import Bus
 
 OnSample = Callable[[bytes, bytes], None]
 """Takes a message: attachment (empty if it has none) and payload."""
 
 
-class Watch:
+class Watch(Declared):
     """Calls `on_sample` with every message, on the network thread: it must be quick and raise nothing.
 
     A key without wildcards is counted in the session's traffic.
     """
 
     def __init__(self, bus: Bus, key: str, on_sample: OnSample) -> None:
+        super().__init__()
         tally = None if "*" in key else bus.traffic.received(key)
 
         def receive(sample: zenoh.Sample) -> None:
@@ -25,10 +27,6 @@ class Watch:
                 tally.add(len(payload))
             on_sample(b"" if attachment is None else attachment.to_bytes(), payload)
 
-        self._subscriber = bus.zenoh.declare_subscriber(
-            key, zenoh.handlers.Callback(receive, indirect=False)
+        self._keep(
+            bus.zenoh.declare_subscriber(key, zenoh.handlers.Callback(receive, indirect=False))
         )
-
-    def close(self) -> None:
-        """Ends the subscription; the senders learn that nobody watches any more."""
-        self._subscriber.undeclare()  # type: ignore[no-untyped-call]

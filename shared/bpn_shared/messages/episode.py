@@ -1,44 +1,29 @@
-"""edge -> learner: one finished episode; the same bytes rest in the run folder.
+"""edge -> learner: one finished episode; the same bytes rest in the run folder (`episode_form`).
 
-A msgpack map. Pixels are compressed (zlib): simulated images shrink about twentyfold, and the bytes are
-stored as they came.
+Pixels are compressed (zlib): simulated images shrink about twentyfold, and the bytes are stored as they came.
 """
 
 import math
 import zlib
 from dataclasses import dataclass
-from typing import Annotated, Any, Literal, Self
+from typing import Any, Self, cast
 
-import msgpack
 import numpy as np
 import numpy.typing as npt
-from pydantic import Field, ValidationError
 
-from bpn_shared.config import MAX_STEPS
-from bpn_shared.messages.base import Message, MessageError, check_size, unpack_map
-from bpn_shared.messages.control import Count, Seed, WorkerId
+from bpn_shared.messages.base import MessageError
+from bpn_shared.messages.episode_form import (
+    MAX_BYTES,
+    EpisodeMeta,
+    EpisodeParts,
+    OutputsType,
+    pack,
+    unpack,
+)
 from bpn_shared.outputs import Outputs
 from bpn_shared.tasks import Task
 
-SCHEMA = 2
-MAX_BYTES = 48 * 1024 * 1024
-
-
-class EpisodeMeta(Message):
-    """Which episode it is and where it comes from."""
-
-    iteration: Count
-    episode: Count
-    seed: Seed
-    slot: Count
-    worker: WorkerId
-    weights_attempt: Count
-    weights_version: Count
-    failed: bool
-    """The task ended it (a terminal state), not the time limit."""
-    deadline_misses: Count
-    duration_ns: Annotated[int, Field(ge=0, lt=2**63)]
-    """From the first frame's arrival to the last frame's."""
+__all__ = ["MAX_BYTES", "Episode", "EpisodeMeta", "decode_meta"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,30 +55,29 @@ class Episode:
 
     def encode(self) -> bytes:
         """The episode as bytes."""
-        packed: bytes = msgpack.packb(
-            {
-                "schema": SCHEMA,
-                "meta": self.meta.model_dump(),
-                "steps": self.steps,
-                "frames": zlib.compress(self.frames.tobytes(), level=1),
-                "actions": self.actions.tobytes(),
-                "rewards": self.rewards.astype("<f8").tobytes(),
-                "outputs_type": self.outputs.dtype.name,
-                "outputs": self.outputs.astype(self.outputs.dtype.newbyteorder("<")).tobytes(),
-                "inference_ns": self.inference_ns.astype("<u4").tobytes(),
-                "camera_to_action_ns": self.camera_to_action_ns.astype("<u4").tobytes(),
-            }
+        return pack(
+            EpisodeParts(
+                meta=self.meta,
+                steps=self.steps,
+                frames=zlib.compress(self.frames.tobytes(), level=1),
+                actions=self.actions.tobytes(),
+                rewards=self.rewards.astype("<f8").tobytes(),
+                outputs_type=cast(OutputsType, self.outputs.dtype.name),
+                outputs=self.outputs.astype(self.outputs.dtype.newbyteorder("<")).tobytes(),
+                inference_ns=self.inference_ns.astype("<u4").tobytes(),
+                camera_to_action_ns=self.camera_to_action_ns.astype("<u4").tobytes(),
+            )
         )
-        return packed
 
     @classmethod
     def decode(cls, data: bytes, task: Task) -> Self:
-        """Reads `encode`'s bytes for a task's shapes.
+        """Reads `encode`'s bytes, of this schema or an older one, for a task's shapes.
 
         Raises:
-            MessageError: oversized, malformed, or arrays that do not fit the task or each other.
+            OtherVersionError: a schema that this program does not read.
+            MessageError: oversized, malformed, altered, or arrays that do not fit the task or each other.
         """
-        parts = _unpack(data)
+        parts = unpack(data)
         steps = parts.steps
         actions = _array("actions", parts.actions, np.uint8, (steps,))
         if actions.max() >= task.actions:
@@ -120,34 +104,11 @@ def decode_meta(data: bytes) -> tuple[EpisodeMeta, int]:
     """Of an episode's bytes only what it is and its number of steps T; no pixels are inflated.
 
     Raises:
-        MessageError: oversized or malformed.
+        OtherVersionError: a schema that this program does not read.
+        MessageError: oversized, malformed or altered.
     """
-    parts = _unpack(data)
+    parts = unpack(data)
     return parts.meta, parts.steps
-
-
-class _Parts(Message):
-    meta: EpisodeMeta
-    steps: Annotated[int, Field(ge=1, le=MAX_STEPS)]
-    frames: bytes
-    actions: bytes
-    rewards: bytes
-    outputs_type: Literal["int32", "float32"]
-    outputs: bytes
-    inference_ns: bytes
-    camera_to_action_ns: bytes
-
-
-def _unpack(data: bytes) -> _Parts:
-    check_size("episode", data, MAX_BYTES)
-    try:
-        _, fields = unpack_map("episode", data, {SCHEMA})
-        return _Parts.model_validate(fields)
-    except ValidationError as error:
-        first = error.errors()[0]
-        raise MessageError(
-            f"episode: {'.'.join(map(str, first['loc']))}: {first['msg']}"
-        ) from error
 
 
 def _array(

@@ -10,9 +10,10 @@ import numpy.typing as npt
 
 from bpn_shared.messages.base import MessageError, OtherVersionError
 
-SCHEMA = 2
-_HEADER = struct.Struct("<BBBBIIIQQIId")
+SCHEMA = 3
+_HEADER = struct.Struct("<BBBBBxxxIIIQQIId")
 NO_ACTION = 255
+NO_SUCCESS = 255
 NO_REWARD = math.nan
 
 
@@ -21,8 +22,8 @@ class FrameKind(IntEnum):
     MID = 1
     LAST = 2
     """The episode's time is over (T steps)."""
-    FAILED = 3
-    """Last frame too: the task ended the episode (a terminal state)."""
+    TERMINATED = 3
+    """Last frame too: the task ended the episode (a terminal state, good or bad)."""
 
     @property
     def ends_episode(self) -> bool:
@@ -44,6 +45,7 @@ class FrameHeader(NamedTuple):
             (0: none arrived in time), on the robot's clock.
         deadline_misses: control periods so far in this episode that no action came for.
         reward: of the step that led here, where the robot knows it; `NO_REWARD` otherwise.
+        success: what the robot says of the episode so far; None where it does not say.
     """
 
     kind: FrameKind
@@ -57,12 +59,15 @@ class FrameHeader(NamedTuple):
     deadline_misses: int = 0
     channels: int = 1
     reward: float = NO_REWARD
+    success: bool | None = None
 
     def encode(self) -> bytes:
         """The header as bytes."""
+        success = NO_SUCCESS if self.success is None else self.success
         return _HEADER.pack(
-            SCHEMA, self.kind, self.channels, self.applied_action, self.iteration, self.episode, self.step,
-            self.reset_id, self.t_capture_ns, self.camera_to_action_ns, self.deadline_misses, self.reward,
+            SCHEMA, self.kind, self.channels, self.applied_action, success, self.iteration, self.episode,
+            self.step, self.reset_id, self.t_capture_ns, self.camera_to_action_ns, self.deadline_misses,
+            self.reward,
         )  # fmt: skip
 
     @classmethod
@@ -70,15 +75,19 @@ class FrameHeader(NamedTuple):
         """Reads `encode`'s bytes.
 
         Raises:
-            MessageError: another size, schema or kind, or an infinite reward.
+            OtherVersionError: another schema.
+            MessageError: another size or kind, an infinite reward, or a success that is none.
         """
+        if data and data[0] != SCHEMA:
+            raise OtherVersionError(f"frame header: schema {data[0]}, this program reads {SCHEMA}")
         if len(data) != _HEADER.size:
             raise MessageError(f"frame header: {len(data)} bytes, expected {_HEADER.size}")
         (
-            schema,
+            _,
             kind,
             channels,
             applied,
+            success,
             iteration,
             episode,
             step,
@@ -88,15 +97,15 @@ class FrameHeader(NamedTuple):
             misses,
             reward,
         ) = _HEADER.unpack(data)
-        if schema != SCHEMA:
-            raise OtherVersionError(f"frame header: schema {schema}, this program reads {SCHEMA}")
         if kind >= len(_KINDS):
             raise MessageError(f"frame header: kind {kind} is none of 0..{len(_KINDS) - 1}")
         if math.isinf(reward):
             raise MessageError(f"frame header: reward {reward}")
+        if success not in (False, True, NO_SUCCESS):
+            raise MessageError(f"frame header: success {success} is none of 0, 1, {NO_SUCCESS}")
         return cls(
             _KINDS[kind], iteration, episode, step, reset_id, t_ns, applied, loop_ns, misses, channels,
-            reward,
+            reward, None if success == NO_SUCCESS else bool(success),
         )  # fmt: skip
 
 

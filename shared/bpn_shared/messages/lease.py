@@ -6,21 +6,38 @@ from uuid import UUID
 from pydantic import Field
 
 from bpn_shared.messages.base import Message
-from bpn_shared.messages.control import Count, Reason, WorkerId
+from bpn_shared.messages.control import Count, Reason, Version, WorkerId
 
 Role = Literal["learner", "robot_sim", "edge"]
 RunId = Annotated[str, Field(pattern=r"^[0-9a-f]{8}(-[0-9a-f]{4}){3}-[0-9a-f]{12}$")]
 
 
+class GiveBack(Message):
+    """A place that a worker could not use, and why."""
+
+    run: RunId
+    slot: Count
+    reason: Reason
+
+
 class LeaseRequest(Message):
     """worker -> registry: I am idle, what shall I work on?
 
-    `label` says where the worker runs; a robot and an edge with equal labels are put together.
+    Attributes:
+        label: where the worker runs; a robot and an edge with equal labels are put together.
+        version, protocol: of the worker's program (`bpn_shared.version`); empty and 1 of one that did not tell.
+        gave_back: the last place that it gave back, until the registry has answered once.
     """
+
+    SCHEMA = 2
+    OLDER_SCHEMAS = frozenset({1})
 
     role: Role
     worker: WorkerId
     label: Annotated[str, Field(max_length=100)] = ""
+    version: Version = ""
+    protocol: Count = 1
+    gave_back: GiveBack | None = None
 
 
 class LeaseReply(Message):

@@ -1,61 +1,99 @@
 """How files at rest are written: whole or not at all, and on disk when the writer says so."""
 
-import json
+import contextlib
 import os
 import secrets
-from collections.abc import Mapping
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+
+from bpn_shared.runs.opening import open_folder, read_file
+
+Prove = Callable[[], None]
+"""Called last before a write takes place; what it raises keeps it from that."""
 
 
-def write_atomically(path: Path, data: bytes, *, mode: int = 0o666) -> None:
+def free() -> None:
+    """Nobody needs to prove anything."""
+
+
+def write_atomically(
+    path: Path, data: bytes, *, mode: int = 0o666, root: Path | None = None, prove: Prove = free
+) -> None:
     """Replaces a file so that a reader, or a crash at any moment, finds the old or the new one whole.
 
     Contents and name are on disk when this returns. A link that stands at the path is replaced, not followed.
 
     Args:
         mode: permissions of the file, less the process's umask.
-    """
-    temporary = path.with_name(f".{path.name}.{secrets.token_hex(6)}.new")
-    flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW
-    try:
-        with os.fdopen(os.open(temporary, flags, mode), "wb") as file:
-            file.write(data)
-            file.flush()
-            os.fsync(file.fileno())
-        os.replace(temporary, path)
-    except BaseException:
-        temporary.unlink(missing_ok=True)
-        raise
-    sync_directory(path.parent)
-
-
-def append_line(path: Path, record: Mapping[str, Any]) -> None:
-    """Appends a record as one line of JSON, after a newline if a crash cut the last line.
-
-    It is on disk when this returns.
+        root: a directory above the file, between which and the file no link is followed either; others than
+             this process may write there. Without it, links may lead to the file's directory.
 
     Raises:
-        ValueError: a number is not finite.
+        ForeignFileError: there is a link, or no directory, between `root` and the file.
+        OSError: it cannot be written; nothing of it is left.
     """
-    line = json.dumps(record, allow_nan=False) + "\n"
-    is_new = not path.exists()
-    with path.open("ab+") as file:
-        if file.tell():
-            file.seek(-1, os.SEEK_END)
-            if file.read(1) != b"\n":
-                line = "\n" + line
-        file.write(line.encode())
-        file.flush()
-        os.fsync(file.fileno())
-    if is_new:
-        sync_directory(path.parent)
+    root = root or path.parent
+    temporary = f".{path.name}.{secrets.token_hex(6)}.new"
+    flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC
+    with open_folder(root, path.parent.relative_to(root)) as folder:
+        try:
+            with os.fdopen(os.open(temporary, flags, mode, dir_fd=folder), "wb") as file:
+                file.write(data)
+                file.flush()
+                os.fsync(file.fileno())
+            prove()
+            os.replace(temporary, path.name, src_dir_fd=folder, dst_dir_fd=folder)
+        except BaseException:
+            with contextlib.suppress(FileNotFoundError):
+                os.unlink(temporary, dir_fd=folder)
+            raise
+        os.fsync(folder)
 
 
-def sync_directory(path: Path) -> None:
-    """Brings the names in a directory to disk: without it a power cut may undo a rename."""
-    descriptor = os.open(path, os.O_RDONLY | os.O_DIRECTORY)
-    try:
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)
+def append_line(path: Path, line: bytes, *, root: Path | None = None, prove: Prove = free) -> None:
+    """Appends a line, after a newline if a crash cut the last one. It is on disk when this returns.
+
+    Args:
+        root: as of `write_atomically`.
+        prove: called with the file open.
+
+    Raises:
+        ForeignFileError: there is a link, or no directory, between `root` and the file.
+        OSError: it cannot be written; the file is as it was.
+    """
+    root = root or path.parent
+    flags = os.O_RDWR | os.O_CREAT | os.O_APPEND | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC
+    with open_folder(root, path.parent.relative_to(root)) as folder:
+        descriptor = os.open(path.name, flags, 0o666, dir_fd=folder)
+        try:
+            size = os.fstat(descriptor).st_size
+            is_torn = size > 0 and os.pread(descriptor, 1, size - 1) != b"\n"
+            left = memoryview((b"\n" if is_torn else b"") + line + b"\n")
+            prove()
+            try:
+                while left:
+                    left = left[os.write(descriptor, left) :]
+                os.fsync(descriptor)
+            except OSError:
+                os.ftruncate(descriptor, size)
+                raise
+        finally:
+            os.close(descriptor)
+        if size == 0:
+            os.fsync(folder)
+
+
+def remove_unfinished(folder: Path, names: str) -> None:
+    """Takes from under writers what they have not put in its place yet: they then cannot any more.
+
+    Args:
+        names: pattern of the files' names.
+    """
+    for path in folder.glob(f".{names}.*.new"):
+        path.unlink(missing_ok=True)
+
+
+def shut_out_appenders(path: Path, root: Path) -> None:
+    """Puts a copy in the place of a file: what others who have it open append to it is lost."""
+    with contextlib.suppress(FileNotFoundError):
+        write_atomically(path, read_file(root, path.relative_to(root)), root=root)

@@ -1,7 +1,7 @@
 """The run folder: the truth about a run. One process writes it (its learner); anyone may read.
 
     config.json         the configuration, never changed
-    state.json          state, attempt, when, and why it failed
+    state.json          state, attempt and whose it is, when, and why it failed
     metrics.jsonl       one line per iteration; after a crash an iteration may stand twice, the later counts
     rewards.jsonl       likewise: the rewards of every step of its episodes, in pixels
     episodes/           every episode as it was delivered, <iteration>-<episode>.bpne
@@ -9,41 +9,49 @@
     checkpoint.safetensors
     logs/               what each service said
 
-Files that are replaced are replaced atomically; what was acknowledged to others is on disk first.
+Files that are replaced are replaced atomically; what was acknowledged to others is on disk first. Everything has a
+digest that is checked when it is read (docs/run-folder.md).
 """
 
 import contextlib
-import fcntl
-import json
+import re
 import time
 from collections.abc import Iterator, Mapping, Sequence
-from pathlib import Path
-from typing import Annotated, Any, Literal, Self
+from pathlib import Path, PurePath
+from typing import Any, BinaryIO, Self
 from uuid import UUID
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
-
 from bpn_shared.config import ConfigError, RunConfig
-from bpn_shared.runs.files import append_line, write_atomically
+from bpn_shared.runs.config_file import (
+    config_schema,
+    config_writer,
+    decode_config,
+    encode_config,
+    raw_config,
+)
+from bpn_shared.runs.digests import seal_line
+from bpn_shared.runs.files import Prove, append_line, free, write_atomically
+from bpn_shared.runs.lines import RecordFile
+from bpn_shared.runs.lock import OwnershipLostError, RunOwnedError, is_locked, locked
+from bpn_shared.runs.opening import file_names, open_file, read_file
+from bpn_shared.runs.ownership import Ownership
+from bpn_shared.runs.state import STATES, RunState, State, decode_state, encode_state
 from bpn_shared.weights import Weights, decode_weights
 
-State = Literal["queued", "running", "stopping", "finished", "failed", "stopped", "lost"]
+__all__ = [
+    "STATES",
+    "Ownership",
+    "OwnershipLostError",
+    "RunFolder",
+    "RunOwnedError",
+    "RunState",
+    "State",
+    "is_run_id",
+    "run_folders",
+]
 
-
-class RunState(BaseModel):
-    """What a run is doing, and how many learners have owned it (`attempt`)."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-    state: State = "queued"
-    attempt: Annotated[int, Field(ge=0)] = 0
-    created_unix_s: float = 0.0
-    updated_unix_s: float = 0.0
-    error: str = ""
-
-
-class RunOwnedError(RuntimeError):
-    """Another learner works on the run; the message says which."""
+_WEIGHTS_NAME = re.compile(r"\d{6,}\.bpnw")
+_MOST_LISTED = 5
 
 
 class RunFolder:
@@ -51,6 +59,9 @@ class RunFolder:
 
     def __init__(self, path: Path) -> None:
         self.path = path
+        self._metrics = RecordFile(path / "metrics.jsonl", root=path.parent)
+        self._rewards = RecordFile(path / "rewards.jsonl", root=path.parent)
+        self._sealed: bool | None = None
 
     @classmethod
     def create(cls, runs_dir: Path, run: UUID, config: RunConfig) -> Self:
@@ -65,7 +76,7 @@ class RunFolder:
             (folder.path / part).mkdir()
         folder.set_state("queued")
         # Last: a folder that has it counts as a run.
-        write_atomically(folder.path / "config.json", config.model_dump_json(indent=2).encode())
+        folder.write("config.json", encode_config(config))
         return folder
 
     @classmethod
@@ -75,18 +86,53 @@ class RunFolder:
         Raises:
             ConfigError: no such run, or several.
         """
-        names = [path.parent.name for path in sorted(runs_dir.glob("*/config.json"))]
+        names = [folder.path.name for folder in run_folders(runs_dir)]
         matches = [name for name in names if name.startswith(run) or name.endswith(run)]
-        if len(matches) != 1:
-            found = "no run" if not matches else f"{len(matches)} runs"
+        if not matches:
+            there = f"the newest are: {_listed(names)}" if names else "there are none"
+            raise ConfigError(f"no run in {runs_dir} matches {run!r}; {there}")
+        if len(matches) > 1:
             raise ConfigError(
-                f"{found} in {runs_dir} match {run!r}; there are: {names[-5:] or 'none'}"
+                f"{len(matches)} runs in {runs_dir} match {run!r}: {_listed(matches)}; give more of the id's end, "
+                "since ids of one time begin alike"
             )
         return cls(runs_dir / matches[0])
+
+    def is_complete(self) -> bool:
+        """Whether this is the folder of a run, and all that makes it one is there.
+
+        A folder that is being made or copied, whatever comes first, is not complete yet; nor is one that is
+        named in another spelling of a UUID, which would be the same run twice.
+        """
+        return is_run_id(self.path.name) and all(map(self.has, ("config.json", "state.json")))
 
     @property
     def run(self) -> UUID:
         return UUID(self.path.name)
+
+    def open_file(self, name: str) -> BinaryIO:
+        """A file of the run, such as "logs/learner.log"; see `opening.open_file`."""
+        return open_file(self.path.parent, PurePath(self.path.name, name))
+
+    def read_file(self, name: str) -> bytes:
+        """All of a file of the run; see `opening.open_file`."""
+        return read_file(self.path.parent, PurePath(self.path.name, name))
+
+    def has(self, name: str) -> bool:
+        """Whether the run has a file of that name."""
+        try:
+            self.open_file(name).close()
+        except OSError:
+            return False
+        return True
+
+    def file_names(self, folder: str = "", *, suffix: str = "") -> list[str]:
+        """Names of the files in a folder of the run; see `opening.file_names`."""
+        return file_names(self.path.parent, PurePath(self.path.name, folder), suffix=suffix)
+
+    def write(self, name: str, data: bytes, *, prove: Prove = free) -> None:
+        """Replaces a file of the run; see `files.write_atomically`."""
+        write_atomically(self.path / name, data, root=self.path.parent, prove=prove)
 
     @property
     def checkpoint_path(self) -> Path:
@@ -100,42 +146,109 @@ class RunFolder:
         """The run's configuration.
 
         Raises:
-            ConfigError: the file is missing or wrong.
+            OtherConfigVersionError: a version wrote it that this program cannot stand in for.
+            ConfigError: the file is missing, damaged, or was changed.
         """
         path = self.path / "config.json"
         try:
-            return RunConfig.from_json(path.read_bytes(), source=str(path))
+            data = self.read_file(path.name)
         except OSError as error:
             raise ConfigError(f"{path}: {error.strerror}") from error
+        return decode_config(data, source=str(path))
+
+    def raw_config(self) -> dict[str, Any]:
+        """The configuration's values as they stand in the file, unchecked, for showing; {} if unreadable."""
+        return raw_config(self._config_bytes())
+
+    def written_by(self) -> dict[str, Any]:
+        """The program that made the run: version, commit, Python, torch, host; {} if it did not say."""
+        return config_writer(self._config_bytes())
+
+    def has_sealed_lines(self) -> bool:
+        """Whether a line of metrics or rewards without a digest is damaged: since schema 2 all have one."""
+        if self._sealed is None:
+            data = self._config_bytes()
+            if not data:  # not there yet
+                return True
+            self._sealed = config_schema(data) > 1
+        return self._sealed
+
+    def _config_bytes(self) -> bytes:
+        try:
+            return self.read_file("config.json")
+        except OSError:
+            return b""
 
     def state(self) -> RunState:
-        """The run's state.
+        """The run's state. Without its file it is "lost", at the highest attempt that other files tell of.
 
         Raises:
-            ConfigError: the file is missing or wrong.
+            ConfigError: the file is damaged.
         """
         path = self.path / "state.json"
         try:
-            return RunState.model_validate_json(path.read_bytes())
-        except (OSError, ValidationError) as error:
-            raise ConfigError(f"{path}: {error}") from error
+            data = self.read_file(path.name)
+        except FileNotFoundError:
+            return RunState(
+                state="lost", attempt=self._attempt_told(), error="state.json is missing"
+            )
+        except OSError as error:
+            raise ConfigError(f"{path}: {error.strerror}") from error
+        return decode_state(data, source=str(path))
 
-    def set_state(self, state: State, *, error: str = "", new_attempt: bool = False) -> RunState:
+    def _attempt_told(self) -> int:
+        attempts = [int(record.get("attempt", 0)) for record in self.metrics()]
+        with contextlib.suppress(ConfigError, ValueError):
+            attempts.append(self.newest_weights().attempt)
+        return max(attempts, default=0)
+
+    def set_state(
+        self, state: State, *, error: str = "", new_attempt: bool = False, owner: str = ""
+    ) -> RunState:
+        """Says what the run is doing, for whoever has its lock or nobody has; no learner owns it then.
+
+        Args:
+            owner: the learner whose attempt it is from now on.
+        """
+        attempt = self.state().attempt + new_attempt
+        return self.write_state(state, error=error, attempt=attempt, owner=owner)
+
+    def settle(self, state: State, *, error: str = "", by: str) -> RunState:
+        """Says how a run ended whose learner cannot say it any more; that it finished or failed stands.
+
+        Args:
+            by: who says so, for the message that others get meanwhile.
+
+        Raises:
+            RunOwnedError: a learner owns the run.
+        """
+        with self.owned(by, patience_s=0.0):
+            found = self.state()
+            if found.state in ("finished", "failed", state):
+                return found
+            return self.set_state(state, error=error)
+
+    def write_state(
+        self, state: State, *, error: str = "", attempt: int, owner: str = "", prove: Prove = free
+    ) -> RunState:
+        """Replaces the state; only for who has made sure that it may."""
         now = time.time()
-        old = self.state() if (self.path / "state.json").exists() else RunState(created_unix_s=now)
         new = RunState(
             state=state,
-            attempt=old.attempt + new_attempt,
-            created_unix_s=old.created_unix_s,
+            attempt=attempt,
+            created_unix_s=self.state().created_unix_s or now,
             updated_unix_s=now,
             error=error,
+            owner=owner,
         )
-        write_atomically(self.path / "state.json", new.model_dump_json(indent=2).encode())
+        self.write("state.json", encode_state(new), prove=prove)
         return new
 
     @contextlib.contextmanager
-    def owned(self, owner: str, patience_s: float = 1.0) -> Iterator[None]:
+    def owned(self, owner: str, patience_s: float = 1.0) -> Iterator[Ownership]:
         """Keeps other learners out, on every machine that shares the folder, while the body runs.
+
+        An owner that has been silent for half a minute, frozen or cut off, is no obstacle.
 
         Args:
             owner: who asks, for the message that others get.
@@ -143,28 +256,18 @@ class RunFolder:
 
         Raises:
             RunOwnedError: another learner owns the run.
+            ConfigError: the lock file is none.
         """
-        deadline_s = time.monotonic() + patience_s
-        with self._lock_path.open("a+") as file:
-            while not _lock(file.fileno(), fcntl.LOCK_EX):
-                if time.monotonic() > deadline_s:
-                    file.seek(0)
-                    raise RunOwnedError(
-                        f"run {self.run} is being learned by {file.read() or 'another learner'}: "
-                        "wait for its end or stop it there"
-                    )
-                time.sleep(0.05)
-            file.truncate(0)
-            file.write(owner)
-            file.flush()
-            yield
+        with locked(self._lock_path, owner, patience_s):
+            yield Ownership(self, owner)
 
     def is_owned(self) -> bool:
-        """Whether some learner owns the run now."""
-        if not self._lock_path.exists():
-            return False
-        with self._lock_path.open() as file:
-            return not _lock(file.fileno(), fcntl.LOCK_SH)
+        """Whether some learner owns the run now.
+
+        Raises:
+            ConfigError: the lock file is none.
+        """
+        return is_locked(self._lock_path)
 
     @property
     def _lock_path(self) -> Path:
@@ -177,41 +280,87 @@ class RunFolder:
         return self.path / "weights" / f"{version:06d}.bpnw"
 
     def newest_weights(self) -> Weights:
-        """The highest version in the folder.
+        """The highest version in the folder, which is at least the last one that metrics tell of.
 
         Raises:
-            ConfigError: there is none yet.
+            ConfigError: there is none yet, or the newest is missing.
             BlobError: the file is damaged.
         """
-        paths = sorted((self.path / "weights").glob("*.bpnw"))
-        if not paths:
+        names = self.file_names("weights", suffix=".bpnw")
+        versions = [int(name[:-5]) for name in names if _WEIGHTS_NAME.fullmatch(name)]
+        if not versions:
             raise ConfigError(f"{self.path} holds no weights yet")
-        return decode_weights(paths[-1].read_bytes())
+        told = max((int(record.get("weights_version", 0)) for record in self.metrics()), default=0)
+        if max(versions) < told:
+            raise ConfigError(
+                f"{self.weights_path(told)} is missing, though metrics.jsonl tells of it: resume the run"
+            )
+        return self.weights(max(versions))
 
-    def append_metrics(self, record: Mapping[str, Any]) -> None:
+    def weights(self, version: int) -> Weights:
+        """A version of the policy.
+
+        Raises:
+            BlobError: the file is damaged.
+            OSError: it is missing, or cannot be read.
+        """
+        return decode_weights(self.read_file(f"weights/{self.weights_path(version).name}"))
+
+    def append_metrics(self, record: Mapping[str, Any], *, prove: Prove = free) -> None:
         """Adds one iteration's record; it is on disk when this returns."""
-        append_line(self.path / "metrics.jsonl", record)
+        self._append("metrics.jsonl", record, prove)
 
-    def append_rewards(self, iteration: int, rewards_px: Sequence[Sequence[float]]) -> None:
+    def append_rewards(
+        self, iteration: int, rewards_px: Sequence[Sequence[float]], *, prove: Prove = free
+    ) -> None:
         """Adds the rewards of an iteration's steps, for each of its episodes in order."""
-        append_line(self.path / "rewards.jsonl", {"iteration": iteration, "rewards_px": rewards_px})
+        self._append("rewards.jsonl", {"iteration": iteration, "rewards_px": rewards_px}, prove)
+
+    def _append(self, name: str, record: Mapping[str, Any], prove: Prove) -> None:
+        append_line(self.path / name, seal_line(record), root=self.path.parent, prove=prove)
 
     def metrics(self) -> list[dict[str, Any]]:
-        """The iterations' records in order, each iteration once; a line cut by a crash is left out."""
-        path = self.path / "metrics.jsonl"
-        records: dict[int, dict[str, Any]] = {}
-        for line in path.read_text().splitlines() if path.exists() else ():
-            try:
-                record = json.loads(line)
-            except json.JSONDecodeError:
-                continue
-            records[record["iteration"]] = record
-        return [records[iteration] for iteration in sorted(records)]
+        """The iterations' records in order, each iteration once; damaged lines are left out, and told once.
+
+        Raises:
+            ConfigError: the file cannot be read.
+        """
+        return self._read(self._metrics)
+
+    def rewards(self) -> dict[int, list[list[float]]]:
+        """The rewards of every step of each iteration's episodes, in pixels, as far as they are kept.
+
+        Raises:
+            ConfigError: the file cannot be read.
+        """
+        return {record["iteration"]: record["rewards_px"] for record in self._read(self._rewards)}
+
+    def _read(self, file: RecordFile) -> list[dict[str, Any]]:
+        try:
+            return file.read(sealed=self.has_sealed_lines())
+        except OSError as error:
+            raise ConfigError(f"{self.path}: {error}") from error
 
 
-def _lock(descriptor: int, kind: int) -> bool:
+def _listed(names: Sequence[str]) -> str:
+    """The newest of some runs."""
+    newest = names[-_MOST_LISTED:]
+    return ", ".join(newest) + (
+        f" and {len(names) - len(newest)} more" if len(names) > len(newest) else ""
+    )
+
+
+def run_folders(runs_dir: Path) -> Iterator[RunFolder]:
+    """The complete run folders in a directory, oldest first: their names sort by time."""
+    for path in sorted(runs_dir.iterdir()) if runs_dir.is_dir() else ():
+        folder = RunFolder(path)
+        if not path.is_symlink() and folder.is_complete():
+            yield folder
+
+
+def is_run_id(name: str) -> bool:
+    """Whether a name is a run's id, in the one spelling that counts."""
     try:
-        fcntl.flock(descriptor, kind | fcntl.LOCK_NB)
-    except BlockingIOError:
+        return str(UUID(name)) == name
+    except ValueError:
         return False
-    return True

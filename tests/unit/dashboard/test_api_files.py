@@ -39,7 +39,7 @@ def run(store, context):
                 Episode(
                     meta=EpisodeMeta(
                         iteration=iteration, episode=episode, seed=1, slot=0, worker="edge-1",
-                        weights_attempt=1, weights_version=0, failed=False, deadline_misses=0,
+                        weights_attempt=1, weights_version=0, terminated=False, deadline_misses=0,
                         duration_ns=5,
                     ),
                     frames=rng.integers(0, 256, (4, 1, 84, 84), np.uint8),
@@ -177,7 +177,7 @@ def test_a_file_that_grows_is_sent_as_long_as_was_said(tmp_path) -> None:
 
     @app.get("/")
     def get(request: Request):
-        answer = file_response(request, file, 3, '"x"')
+        answer = file_response(request, file.open("rb"), "a.log", 3, '"x"')
         file.write_bytes(b"abcdef")
         return answer
 

@@ -13,6 +13,7 @@ from bpn_dashboard.database.tables import RunRow, SweepRow
 from bpn_dashboard.registry.progress import Progress
 from bpn_dashboard.registry.query import RunFilter
 from bpn_dashboard.registry.store import RunStore
+from bpn_dashboard.registry.workplace import ConnectedWorkers
 from bpn_shared.config import RunConfig
 from bpn_shared.runs.folder import RunFolder
 
@@ -82,7 +83,14 @@ def test_a_lost_database_is_rebuilt_from_the_folders(tmp_path: Path, capsys: Any
     stopped = store.create(CONFIG, actor="a")
     store.request_stop(stopped.id, "a")
     store.archive(stopped.id, "a")
-    sweep = store.create_sweep("s", {"task": "reaching"}, {"alpha": [0.5, 0.9]}, [1, 2], "a")
+    sweep = store.create_sweep(
+        "s",
+        {"task": "reaching"},
+        {"alpha": [0.5, 0.9]},
+        [1, 2],
+        actor="a",
+        place=ConnectedWorkers(),
+    )
     finished = store.folder(plain.id)
     finished.set_state("running", new_attempt=True)
     for iteration in range(3):

@@ -20,6 +20,14 @@ class Worker:
     token: bool = False  # the registry can see it there
 
 
+def ask(book: LeaseBook, role: Role, worker: str, label: str, now_s: float) -> Place | None:
+    """The first place that the worker could have is given to it."""
+    for place in book.candidates(role, worker, label, now_s):
+        assert book.grant(place, worker, now_s)
+        return place
+    return None
+
+
 class World(RuleBasedStateMachine):
     """Workers that come, go, are cut off and return; runs that come and go; registries that restart."""
 
@@ -61,7 +69,7 @@ class World(RuleBasedStateMachine):
 
     def ask(self, name: str) -> None:
         worker = self.workers[name]
-        worker.place = self.book.ask(worker.role, name, worker.label, self.now_s)
+        worker.place = ask(self.book, worker.role, name, worker.label, self.now_s)
         if worker.place is None:
             return
         place = worker.place
@@ -179,7 +187,7 @@ TestWorld.settings = settings(max_examples=150, stateful_step_count=40, deadline
 
 
 def filled(book: LeaseBook, role: Role, worker: str, label: str = "", now_s: float = 0.0) -> Place:
-    place = book.ask(role, worker, label, now_s)
+    place = ask(book, role, worker, label, now_s)
     assert place is not None
     book.appeared(place, worker, now_s)
     return place
@@ -188,10 +196,10 @@ def filled(book: LeaseBook, role: Role, worker: str, label: str = "", now_s: flo
 def test_the_oldest_run_gets_the_first_learner_and_every_run_a_pair_before_a_second() -> None:
     book = LeaseBook()
     book.demand([Demand(A, 2), Demand(B, 2)])
-    assert book.ask("edge", "e0", "", 0.0) is None  # no run has a learner yet
+    assert ask(book, "edge", "e0", "", 0.0) is None  # no run has a learner yet
     assert filled(book, "learner", "l0") == Place(A, "learner", 0)
     assert filled(book, "learner", "l1") == Place(B, "learner", 0)
-    assert book.ask("learner", "l2", "", 0.0) is None
+    assert ask(book, "learner", "l2", "", 0.0) is None
     pairs = [filled(book, "robot_sim", f"r{i}", f"h/{i}") for i in range(4)]
     assert [(p.run, p.slot) for p in pairs] == [(A, 0), (B, 0), (A, 1), (B, 1)]
     for i in (3, 0, 2, 1):
@@ -237,28 +245,31 @@ def test_a_pair_whose_learner_does_not_come_back_serves_a_run_that_has_one() -> 
 def test_a_grant_lasts_until_its_token_should_have_come_and_is_repeated() -> None:
     book = LeaseBook()
     book.demand([Demand(A, 1)])
-    assert book.ask("learner", "l0", "", 0.0) == Place(A, "learner", 0)
-    assert book.ask("learner", "l1", "", 1.0) is None
-    assert book.ask("learner", "l0", "", 2.0) == Place(A, "learner", 0)  # its answer was lost
-    assert book.ask("learner", "l1", "", 2.0 + GRANT_S + 0.1) == Place(A, "learner", 0)
+    assert ask(book, "learner", "l0", "", 0.0) == Place(A, "learner", 0)
+    assert ask(book, "learner", "l1", "", 1.0) is None
+    assert ask(book, "learner", "l0", "", 2.0) == Place(A, "learner", 0)  # its answer was lost
+    assert ask(book, "learner", "l1", "", 2.0 + GRANT_S + 0.1) == Place(A, "learner", 0)
     book.appeared(Place(A, "learner", 0), "l0", 8.0)  # late; whoever works has precedence
     book.appeared(Place(A, "learner", 0), "l1", 8.1)
     assert book.to_release(8.2) == [(Place(A, "learner", 0), "l1")]
 
 
-def test_nothing_is_granted_while_tokens_are_still_being_told_or_where_it_is_not_admitted() -> None:
+def test_nothing_is_granted_while_tokens_are_still_being_told_nor_twice() -> None:
     book = LeaseBook()
     book.demand([Demand(A, 1), Demand(B, 1)])
     book.quiet(5.0)
-    assert book.ask("learner", "l0", "", 4.9) is None
-    admitted = book.ask("learner", "l0", "", 5.0, admit=lambda place: place.run != A)
-    assert admitted == Place(B, "learner", 0)
+    assert ask(book, "learner", "l0", "", 4.9) is None
+    places = [Place(A, "learner", 0), Place(B, "learner", 0)]
+    assert book.candidates("learner", "l0", "", 5.0) == places
+    assert book.grant(places[1], "l0", 5.0)  # the first one was not admitted
+    assert not book.grant(places[1], "l1", 5.0)
+    assert book.holder(places[1]) == "l0"
 
 
 def test_learners_complete_one_group_before_the_next_run_begins() -> None:
     book = LeaseBook()
     book.demand([Demand(A, 1, 2), Demand(B, 1, 2)])
-    assert book.ask("learner", "l0", "", 0.0) is None  # alone it is of no use
+    assert ask(book, "learner", "l0", "", 0.0) is None  # alone it is of no use
     places = [filled(book, "learner", f"l{i}") for i in (1, 2)]
     assert places == [Place(A, "learner", 0), Place(A, "learner", 1)]
     assert filled(book, "learner", "l0") == Place(B, "learner", 0)
@@ -300,7 +311,7 @@ def test_a_run_that_wants_more_learners_than_there_are_keeps_nobody_waiting() ->
     book = LeaseBook()
     book.demand([Demand(A, 1, 3), Demand(B, 1)])
     assert filled(book, "learner", "l0") == Place(B, "learner", 0)
-    assert book.ask("learner", "l1", "", 0.0) is None
+    assert ask(book, "learner", "l1", "", 0.0) is None
     assert filled(book, "learner", "l2") == Place(A, "learner", 0)  # now there are three
     assert filled(book, "learner", "l1") == Place(A, "learner", 1)
     book.demand([Demand(A, 1, 3), Demand(B, 1), Demand(UUID(int=3), 1)])

@@ -1,11 +1,9 @@
 from typing import get_args
-from uuid import UUID
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bpn_dashboard.registry.crash_loops import GIVE_UP_AFTER, CrashLoops
 from bpn_dashboard.registry.states import LOST_AFTER_S, DesiredState, observed
 from bpn_shared.runs.folder import State
 
@@ -57,18 +55,3 @@ def test_a_run_is_shown_as_over_only_if_its_folder_says_so(
     if state == "lost":
         assert not owned
         assert desired == "running"
-
-
-def test_a_run_is_given_up_after_deaths_in_a_row_within_one_iteration() -> None:
-    loops, run, other = CrashLoops(), UUID(int=1), UUID(int=2)
-    for _ in range(GIVE_UP_AFTER - 1):
-        assert loops.died(run, "learner-1", 3) is None
-    assert loops.died(other, "learner-2", 3) is None
-    assert loops.died(run, "learner-1", 4) is None  # it had got on
-    for _ in range(GIVE_UP_AFTER - 2):
-        assert loops.died(run, "learner-1", 4) is None
-    reason = loops.died(run, "learner-9", 4)
-    assert reason is not None
-    assert reason.startswith("5 learners in a row died in iteration 4, the last was learner-9")
-    loops.forget(run)
-    assert loops.died(run, "learner-1", 4) is None

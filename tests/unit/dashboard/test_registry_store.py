@@ -18,6 +18,7 @@ from bpn_dashboard.registry.errors import (
 )
 from bpn_dashboard.registry.query import SORT_KEYS, RunFilter
 from bpn_dashboard.registry.store import RunStore
+from bpn_dashboard.registry.workplace import ConnectedWorkers
 from bpn_shared.config import ConfigError, RunConfig
 from bpn_shared.runs.folder import RunFolder
 
@@ -106,8 +107,9 @@ def test_listeners_hear_of_every_change_once_it_is_stored(store: RunStore) -> No
 
 def test_a_sweep_makes_its_runs_or_nothing(store: RunStore) -> None:
     sweep = store.create_sweep(
-        "alphas", {"task": "reaching", "nodes": 24}, {"alpha": [0.5, 0.9]}, [1, 2, 3], "a"
-    )
+        "alphas", {"task": "reaching", "nodes": 24}, {"alpha": [0.5, 0.9]}, [1, 2, 3],
+        actor="a", place=ConnectedWorkers(),
+    )  # fmt: skip
     rows = store.find(RunFilter(sweep_id=sweep.id))
     points = sorted((row.config["alpha"], row.seed) for row in rows)
     assert points == [(alpha, seed) for alpha in (0.5, 0.9) for seed in (1, 2, 3)]
@@ -116,7 +118,9 @@ def test_a_sweep_makes_its_runs_or_nothing(store: RunStore) -> None:
     store.stop_sweep(sweep.id, "a")
     assert store.sweep_states([sweep.id]) == {sweep.id: {"stopped": 6}}
     with pytest.raises(ConfigError, match="alpha = 2"):
-        store.create_sweep("wrong", {"task": "reaching"}, {"alpha": [2]}, [], "a")
+        store.create_sweep(
+            "wrong", {"task": "reaching"}, {"alpha": [2]}, [], actor="a", place=ConnectedWorkers()
+        )
     assert len(list(store.runs_dir.glob("*/config.json"))) == 6
     with pytest.raises(UnknownSweepError, match="there is no sweep x"):
         store.get_sweep("x")

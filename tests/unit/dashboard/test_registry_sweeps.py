@@ -3,13 +3,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bpn_dashboard.registry.sweeps import expand
-from bpn_shared.config import PRESETS, ConfigError, RunConfig
+from bpn_dashboard.registry.workplace import ConnectedWorkers
+from bpn_shared.config import ConfigError, RunConfig
+from bpn_shared.tasks import TASKS
 
 AXES = {
     "alpha": st.floats(0, 1),
     "nodes": st.integers(1, 500),
     "algorithm": st.sampled_from(["bpn", "bqn"]),
-    "task": st.sampled_from(list(PRESETS)),
+    "task": st.sampled_from(list(TASKS)),
 }
 GRIDS = st.fixed_dictionaries(
     {}, optional={k: st.lists(v, min_size=1, max_size=3, unique=True) for k, v in AXES.items()}
@@ -20,7 +22,7 @@ GRIDS = st.fixed_dictionaries(
 def test_every_combination_is_there_once_and_each_is_the_preset_with_that_change(
     grid: dict[str, list[object]], seeds: list[int]
 ) -> None:
-    runs = expand({"task": "tracking", "iterations": 7}, grid, seeds)
+    runs = expand({"task": "tracking", "iterations": 7}, grid, seeds, ConnectedWorkers())
     count = 1
     for values in [*grid.values(), seeds or [0]]:
         count *= len(values)
@@ -45,7 +47,7 @@ def test_every_combination_is_there_once_and_each_is_the_preset_with_that_change
         ({}, {}, [1, 1], "seed = 1: stands there twice"),
         ({}, {"seed": [1]}, [2], "the seeds are given already"),
         ({"node": 1}, {}, [], "node = 1: unknown"),
-        ({"task": "flying"}, {}, [], "task = 'flying' is unknown"),
+        ({"task": "flying"}, {}, [], "task = 'flying': unknown; one of: reaching"),
         ({}, {"nodes": list(range(1, 101)), "batch": list(range(2, 22))}, [], "2000 runs, the limit"),
     ],
 )  # fmt: skip
@@ -53,4 +55,4 @@ def test_errors_name_key_and_value(
     config: dict[str, object], grid: dict[str, list[object]], seeds: list[int], message: str
 ) -> None:
     with pytest.raises(ConfigError, match=message):
-        expand(config, grid, seeds)
+        expand(config, grid, seeds, ConnectedWorkers())

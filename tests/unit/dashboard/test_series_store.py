@@ -40,7 +40,8 @@ def runs(tmp_path: Path, database: Database):
 
 
 def query(database: Database, runs: list[str], metric: str, view: View) -> Series:
-    return SeriesQueries(database).query([runs], [metric], view)[0]
+    of_seeds = {run: place for place, run in enumerate(sorted(runs))}
+    return SeriesQueries(database).query([of_seeds], [metric], view)[0]
 
 
 def stored(database: Database, name: str, run: str = RUN) -> tuple[list[int], list[float]]:

@@ -2,15 +2,21 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy import stats
 
 from bpn_dashboard.series.downsample import bucketize
-from bpn_dashboard.series.statistics import summarize
+from bpn_dashboard.series.statistics import summarize as summarize_runs
 
 matrices = st.integers(1, 12).flatmap(
     lambda seeds: st.lists(
         st.lists(st.floats(-1e6, 1e6), min_size=7, max_size=7), min_size=seeds, max_size=seeds
     )
 )
+
+
+def summarize(runs, statistic, band):
+    """Of runs that all have seeds of their own."""
+    return summarize_runs(runs, range(len(runs)), statistic, band)
 
 
 def seeds_of(matrix):
@@ -84,3 +90,35 @@ def test_bootstrap_covers_the_mean_of_normal_seeds() -> None:
 def test_a_group_of_nothing_is_an_empty_curve() -> None:
     curve = summarize([], "iqm", "ci95")
     assert len(curve.x) == len(curve.value) == len(curve.low) == 0
+
+
+@given(matrices, st.sampled_from(["mean", "median", "iqm"]), st.integers(2, 5))
+def test_a_seed_that_was_made_many_times_counts_once(matrix, statistic, times) -> None:
+    """Wider bands than these are what one seed's repetitions would hide."""
+    runs = seeds_of(matrix)
+    once = summarize(runs, statistic, "sem")
+    seeds = [*range(len(runs)), *[0] * times]
+    often = summarize_runs([*runs, *[runs[0]] * times], seeds, statistic, "sem")
+    np.testing.assert_array_equal(often.n, len(matrix))
+    for name in ("value", "low", "high", "last"):
+        expected, found = getattr(once, name), getattr(often, name)
+        np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("statistic", "oracle"),
+    [("mean", np.mean), ("iqm", lambda v, axis: stats.trim_mean(v, 0.25, axis=axis))],
+)
+@pytest.mark.parametrize("n", [5, 12])
+def test_confidence_intervals_are_scipys(statistic, oracle, n) -> None:
+    """SciPy draws its own resamples, 20 times as many: the edges agree as far as 500 allow, over 60 samples."""
+    array = np.random.default_rng(n).normal(0.0, 1.0, (n, 60))
+    curve = summarize(seeds_of(array), statistic, "ci95")
+    found = stats.bootstrap(
+        (array,), oracle, axis=0, n_resamples=10_000, method="percentile",
+        rng=np.random.default_rng(1), vectorized=True,
+    ).confidence_interval  # fmt: skip
+    width = found.high - found.low
+    for own, scipys in ((curve.low, found.low), (curve.high, found.high)):
+        assert (np.abs(own - scipys) < 0.25 * width).all()
+        assert abs(np.mean((own - scipys) / width)) < 0.1  # the same resamples serve all

@@ -13,7 +13,7 @@ TASK = task_named("reaching")
 
 @given(st.lists(st.integers(0, 13), min_size=1, max_size=30), st.booleans(), st.integers(0, 2**32))
 def test_an_episode_holds_what_was_seen_done_and_computed(
-    actions: list[int], failed: bool, seed: int
+    actions: list[int], terminated: bool, seed: int
 ) -> None:
     rng = np.random.default_rng(seed)
     frames = rng.integers(0, 256, (len(actions) + 1, *TASK.frame_shape), dtype=np.uint8)
@@ -23,7 +23,7 @@ def test_an_episode_holds_what_was_seen_done_and_computed(
         assert recorder.next_step == step
         kind = FrameKind.FIRST if step == 0 else FrameKind.MID
         if step == len(actions):
-            kind = FrameKind.FAILED if failed else FrameKind.LAST
+            kind = FrameKind.TERMINATED if terminated else FrameKind.LAST
         applied = NO_ACTION if step == 0 else actions[step - 1]
         recorder.add_frame(
             FrameHeader(kind, 4, 2, step, 9, 0, applied, step * 10, step // 2, reward=step / 4),
@@ -42,7 +42,7 @@ def test_an_episode_holds_what_was_seen_done_and_computed(
     assert episode.actions.tolist() == actions
     assert episode.rewards.tolist() == [t / 4 for t in range(1, len(actions) + 1)]
     assert episode.camera_to_action_ns.tolist() == [10 * t for t in range(1, len(actions) + 1)]
-    assert episode.meta.failed == failed
+    assert episode.meta.terminated == terminated
     assert episode.meta.deadline_misses == len(actions) // 2
     assert episode.meta.duration_ns == len(actions)
 

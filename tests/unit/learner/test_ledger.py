@@ -31,7 +31,7 @@ def played(
 ) -> bytes:
     meta = EpisodeMeta(
         iteration=iteration, episode=episode, seed=episode_seed(CONFIG.seed, iteration, episode),
-        slot=0, worker="edge-0", weights_attempt=1, weights_version=iteration, failed=False,
+        slot=0, worker="edge-0", weights_attempt=1, weights_version=iteration, terminated=False,
         deadline_misses=0, duration_ns=1,
     ).model_copy(update=changes)  # fmt: skip
     return Episode(
@@ -148,10 +148,10 @@ def test_an_episode_that_is_no_data_is_refused_with_its_reason(
     assert re.search(reason, receipt.reason)
 
 
-def test_a_failed_episode_may_be_shorter(folder: RunFolder) -> None:
+def test_a_terminated_episode_may_be_shorter(folder: RunFolder) -> None:
     ledger = EpisodeLedger(CONFIG, folder, alive=set())
     ledger.begin(0, attempt=1)
-    assert ledger.receive(played(0, 0, steps=1, failed=True)).verdict == "stored"
+    assert ledger.receive(played(0, 0, steps=1, terminated=True)).verdict == "stored"
 
 
 def test_rewards_told_by_a_robot_have_to_be_there_and_its_episodes_may_end_early(

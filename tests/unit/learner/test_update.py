@@ -36,13 +36,13 @@ from bpn_shared.observation import stack
 SPEC = NetworkSpec(channels=1, nodes=20, actions=3)
 
 
-def episode(seed: int, steps: int = 10, channels: int = 1, failed: bool = False) -> EpisodeData:
+def episode(seed: int, steps: int = 10, channels: int = 1, terminated: bool = False) -> EpisodeData:
     rng = np.random.default_rng(seed)
     return EpisodeData(
         frames=rng.integers(0, 256, (steps + 1, channels, 84, 84), np.uint8),
         actions=rng.integers(0, 3, steps).astype(np.uint8),
         rewards=rng.normal(size=steps),
-        failed=failed,
+        terminated=terminated,
     )
 
 
@@ -61,14 +61,14 @@ def update(network: PNetwork, settings: PolicyUpdate, seed: int = 0) -> UpdateRe
 
 @pytest.mark.parametrize("frames_stacked", [1, 2, 3])
 def test_observations_are_the_stacked_frames_of_their_episode(frames_stacked: int) -> None:
-    episodes = [episode(0, 4, 2, failed=True), episode(1, 1, 2), episode(2, 6, 2)]
+    episodes = [episode(0, 4, 2, terminated=True), episode(1, 1, 2), episode(2, 6, 2)]
     data = Transitions.from_episodes(episodes, frames_stacked=frames_stacked)
     steps = [(e, t) for e in episodes for t in range(len(e.actions))]
     now = [stack(list(e.frames), t, frames_stacked) for e, t in steps]
     after = [stack(list(e.frames), t + 1, frames_stacked) for e, t in steps]
     assert np.array_equal(data.gather(data.observations).numpy(), np.stack(now))
     assert np.array_equal(data.gather(data.next_observations).numpy(), np.stack(after))
-    assert data.done.tolist() == [e.failed and t == len(e.actions) - 1 for e, t in steps]
+    assert data.done.tolist() == [e.terminated and t == len(e.actions) - 1 for e, t in steps]
     assert data.actions.tolist() == [int(e.actions[t]) for e, t in steps]
     assert data.rewards.tolist() == [float(np.float32(e.rewards[t])) for e, t in steps]
     assert len(data) == len(steps)
@@ -103,7 +103,7 @@ def test_one_transition_is_too_few() -> None:
 @pytest.mark.parametrize("mask", [False, True])
 def test_targets_are_cvis_of_the_folded_network(mask: bool) -> None:
     network = binary_network()
-    data = Transitions.from_episodes([episode(0, failed=True)], frames_stacked=1)
+    data = Transitions.from_episodes([episode(0, terminated=True)], frames_stacked=1)
     settings = PolicyUpdate(alpha=0.9, beta=2.0, gamma=0.8, mask_terminals=mask)
     blob = fold(network)
     P = torch.stack(
@@ -137,7 +137,9 @@ def test_relative_targets_are_the_absolute_ones_less_their_mean(
     seed: int,
 ) -> None:
     """Also when they are computed from relative preferences, so that neither ever sees another policy."""
-    D = Transitions.from_episodes([episode(i, failed=i == 1) for i in range(3)], frames_stacked=1)
+    D = Transitions.from_episodes(
+        [episode(i, terminated=i == 1) for i in range(3)], frames_stacked=1
+    )
     generator = torch.Generator().manual_seed(seed)
     P, P_next = torch.randn(2, len(D), 3, generator=generator, dtype=torch.float64)
     absolute = PolicyUpdate(target=target, alpha=alpha, beta=beta, mask_terminals=mask)

@@ -1,18 +1,24 @@
 """What trials come to, and the film of them."""
 
+import json
+from dataclasses import replace
 from pathlib import Path
 
 import imageio.v3 as imageio
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from bpn.evaluation import video
 from bpn.evaluation.outcome import Outcome, outcome, summarize
 from bpn_shared.config import RunConfig
 from bpn_shared.messages.episode import Episode, EpisodeMeta
+from bpn_shared.success import share, success_of
 from bpn_shared.tasks import TASKS
 
 TRACKING = RunConfig.for_task("tracking")
+GYM = RunConfig.for_task("gym:MountainCar-v0", actions=3)
 
 
 def disc_at(x_px: float) -> np.ndarray:
@@ -22,11 +28,13 @@ def disc_at(x_px: float) -> np.ndarray:
     return np.where(inside, np.array([255, 160, 0], np.uint8)[:, None, None], 0).astype(np.uint8)
 
 
-def episode(places_px: list[float], *, failed: bool, actions: list[int] | None = None) -> Episode:
+def episode(
+    places_px: list[float], *, terminated: bool, actions: list[int] | None = None
+) -> Episode:
     steps = len(places_px) - 1
     meta = EpisodeMeta(
         iteration=0, episode=0, seed=0, slot=0, worker="edge", weights_attempt=1, weights_version=0,
-        failed=failed, deadline_misses=1, duration_ns=0,
+        terminated=terminated, deadline_misses=1, duration_ns=0,
     )  # fmt: skip
     return Episode(
         meta=meta,
@@ -40,26 +48,59 @@ def episode(places_px: list[float], *, failed: bool, actions: list[int] | None =
 
 
 def test_return_and_success_come_from_what_was_seen() -> None:
-    kept = outcome(TRACKING, episode([41.5, 51.5, 31.5], failed=False))
-    assert kept == Outcome(pytest.approx(-20.0, abs=0.2), 2, True, 1)
-    assert not outcome(TRACKING, episode([41.5, 51.5], failed=True)).success
+    kept = outcome(TRACKING, episode([41.5, 51.5, 31.5], terminated=False))
+    assert kept == Outcome(
+        total=pytest.approx(-20.0, abs=0.2),
+        steps=2,
+        terminated=False,
+        success=True,
+        deadline_misses=1,
+    )
+    assert not outcome(TRACKING, episode([41.5, 51.5], terminated=True)).success
 
 
 def test_the_summary_is_in_the_units_of_table_two() -> None:
-    outcomes = [Outcome(-800.0, 40, True, 0), Outcome(-100.0, 10, False, 2)]
+    outcomes = [Outcome(-800.0, 40, False, True, 0), Outcome(-100.0, 10, True, False, 2)]
     summary = summarize(TRACKING, outcomes)
-    assert summary["return_px"] == {"mean": -450.0, "std": 350.0}
-    assert summary["px_per_step"] == {"mean": -15.0, "std": 5.0}
+    assert summary["return_px"] == {"mean": -450.0, "std": 494.975}
+    assert summary["px_per_step"] == {"mean": -15.0, "std": 7.071}
     assert summary["tracking_time"] == {"steps": 25.0, "seconds": 3.625, "percent": 62.5}
-    assert summary["success_share"] == 0.5
+    assert (summary["success_share"], summary["terminated"]) == (0.5, 1)
     assert summary["deadline_misses"] == 2
     assert (summary["lengths"], summary["successes"]) == ([40, 10], [True, False])
+    assert summarize(TRACKING, outcomes[:1])["return_px"] == {"mean": -800.0, "std": None}
     with pytest.raises(ValueError, match="nothing was played"):
         summarize(TRACKING, [])
 
 
+@pytest.mark.parametrize("terminated", [False, True])
+@pytest.mark.parametrize("told", [None, False, True])
+def test_success_of_a_gym_task_is_what_the_environment_says(
+    told: bool | None, terminated: bool
+) -> None:
+    played = episode([1.0, 2.0], terminated=terminated)
+    meta = played.meta.model_copy(update={"success": told})
+    seen = outcome(GYM, replace(played, meta=meta, rewards=np.array([-1.0])))
+    assert (seen.success, seen.terminated) == (told, terminated)
+    summary = summarize(GYM, [seen, seen])
+    assert summary["success_share"] == (None if told is None else float(told))
+    assert json.loads(json.dumps(summary))["successes"] == [told, told]
+
+
+@given(st.lists(st.sampled_from([None, False, True])))
+def test_a_share_counts_only_where_success_is_defined(successes: list[bool | None]) -> None:
+    defined = [one for one in successes if one is not None]
+    assert share(successes) == (float(np.mean(defined)) if defined else None)
+
+
+def test_reaching_succeeds_where_the_hand_ends_on_the_target() -> None:
+    meta = episode([1.0, 2.0], terminated=False).meta
+    for distance_px, success in ((5.0, True), (5.01, False)):
+        assert success_of(TASKS["reaching"], meta, np.array([-90.0, -distance_px])) is success
+
+
 def test_a_film_shows_every_frame_enlarged_and_the_applied_action_beside_it() -> None:
-    shown = episode([20.0, 41.5, 60.0], failed=False, actions=[6, 0])
+    shown = episode([20.0, 41.5, 60.0], terminated=False, actions=[6, 0])
     pictures = list(video.film(shown))
     assert len(pictures) == 3
     for picture, frame in zip(pictures, shown.frames, strict=True):
@@ -84,7 +125,7 @@ def _bar_lengths(panel: np.ndarray) -> list[int]:
 
 @pytest.mark.parametrize("name", ["film.mp4", "film.gif"])
 def test_a_written_film_has_all_frames_of_all_trials(name: str, tmp_path: Path) -> None:
-    trials = [episode([20.0, 41.5, 60.0], failed=False)] * 2
+    trials = [episode([20.0, 41.5, 60.0], terminated=False)] * 2
     video.write(tmp_path / name, trials, TASKS["tracking"])
     read = imageio.imread(tmp_path / name)
     assert read.shape[1:] == (336, 464, 3)

@@ -1,6 +1,5 @@
 """No run is made twice, and none is taken for another."""
 
-import json
 import shutil
 from pathlib import Path
 
@@ -10,6 +9,7 @@ from hypothesis import strategies as st
 
 from bpn.reproduce.manifest import Manifest, config_hash, digest, locked
 from bpn_shared.config import ConfigError, RunConfig
+from bpn_shared.runs.config_file import encode_config
 
 CONFIGS = st.builds(
     RunConfig.for_task,
@@ -58,7 +58,7 @@ def test_a_run_that_was_removed_is_made_anew(tmp_path: Path) -> None:
 def test_a_run_made_before_a_default_changed_is_not_taken_for_one_of_now(tmp_path: Path) -> None:
     first = Manifest(tmp_path).folder(RunConfig())
     config = first.path / "config.json"  # as a program with another default had written it
-    config.write_text(json.dumps(json.loads(config.read_text()) | {"learning_rate": 0.5}))
+    config.write_bytes(encode_config(RunConfig(learning_rate=0.5)))
     second = Manifest(tmp_path).folder(RunConfig())
     assert second.path != first.path
     assert second.config() == RunConfig()

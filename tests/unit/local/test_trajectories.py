@@ -5,7 +5,8 @@ import pytest
 
 from bpn.evaluation import plot, trajectories
 from bpn_robot_sim.robot import Robot, make_robot
-from bpn_shared.config import ConfigError, RunConfig
+from bpn_shared.config import RunConfig
+from bpn_shared.errors import InputError
 from bpn_shared.messages.episode import Episode, EpisodeMeta
 from bpn_shared.tasks import task_named
 
@@ -15,12 +16,12 @@ Played = list[tuple[Episode, list[dict[str, tuple[float, float]]]]]
 
 
 def episode_of(
-    frames: list[np.ndarray], actions: list[int], task: str, *, failed: bool = False
+    frames: list[np.ndarray], actions: list[int], task: str, *, terminated: bool = False
 ) -> Episode:
     steps, spec = len(actions), task_named(task)
     meta = EpisodeMeta(
         iteration=0, episode=0, seed=0, slot=0, worker="edge", weights_attempt=1, weights_version=0,
-        failed=failed, deadline_misses=0, duration_ns=0,
+        terminated=terminated, deadline_misses=0, duration_ns=0,
     )  # fmt: skip
     return Episode(
         meta=meta,
@@ -44,7 +45,7 @@ def played(robot: Robot, seed: int) -> tuple[Episode, list[dict[str, tuple[float
         robot.settle()
         frames.append(robot.frame())
         truth.append(robot.info())
-    return episode_of(frames, actions, robot.task.name, failed=robot.terminated), truth
+    return episode_of(frames, actions, robot.task.name, terminated=robot.terminated), truth
 
 
 @pytest.fixture(scope="module")
@@ -77,7 +78,7 @@ def test_gaze_and_pixels_give_the_direction_in_which_the_marker_is(pan_tilt: Pla
 def test_offsets_come_from_the_pixels(pan_tilt: Played) -> None:
     for episode, truth in pan_tilt:
         expected = np.array([info["target_px"] for info in truth]) - 41.5
-        kept = slice(None, -1) if episode.meta.failed else slice(None)
+        kept = slice(None, -1) if episode.meta.terminated else slice(None)
         found = trajectories.target_offsets_px("pan_tilt", episode)
         np.testing.assert_allclose(found[kept], expected[kept], atol=1.5)
 
@@ -93,11 +94,11 @@ def test_every_task_of_the_paper_has_a_figure(task: str, pan_tilt: Played) -> No
     (axes,) = plot.draw(task, episodes).axes
     assert len(axes.lines) >= len(episodes)
     if task != "reaching":
-        assert f"{sum(one.meta.failed for one in episodes)} lost" in axes.get_title()
+        assert f"{sum(one.meta.terminated for one in episodes)} lost" in axes.get_title()
 
 
 def test_a_task_without_trajectories_is_refused() -> None:
-    with pytest.raises(ConfigError, match="no trajectories are known of task 'gym:"):
+    with pytest.raises(InputError, match="no trajectories are known of task 'gym:"):
         plot.draw("gym:CartPole-v1", [])
 
 

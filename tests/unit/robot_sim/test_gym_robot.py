@@ -11,9 +11,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from PIL import Image
 
-from bpn_robot_sim.gym_robot import as_frame, probe_actions
-from bpn_robot_sim.robot import Robot, gym_actions, robot_for
+from bpn_robot_sim.pictures import as_frame
+from bpn_robot_sim.probe import probe_environment
+from bpn_robot_sim.robot import Robot, robot_for
 from bpn_shared.config import ConfigError, RunConfig
+from bpn_shared.messages.probe import ProbeRequest
 
 
 class Corridor(gymnasium.Env[Any, Any]):
@@ -32,7 +34,9 @@ class Corridor(gymnasium.Env[Any, Any]):
         return self._picture(), self.place / 4, self.place >= 5, self.steps >= 9, {}
 
     def _picture(self) -> Any:
-        return np.full((20, 30, 3), [10 * self.place + 50, 100, 200], np.uint8)
+        picture = np.full((20, 30, 3), [10 * self.place + 50, 100, 200], np.uint8)
+        picture[15:] = 0
+        return picture
 
 
 class Blind(Corridor):
@@ -56,8 +60,12 @@ for name, cls in (
     gymnasium.register(f"bpn-test/{name}-v0", entry_point=cls, disable_env_checker=True)
 
 
+def actions_of(task: str) -> int:
+    return probe_environment(ProbeRequest(task=task)).actions
+
+
 def make(task: str = "gym:bpn-test/Corridor-v0", **changes: Any) -> Robot:
-    values = {"actions": gym_actions(task), "frame_channels": 3} | changes
+    values = {"actions": actions_of(task), "frame_channels": 3} | changes
     return robot_for(RunConfig.for_task(task, **values).task_spec)
 
 
@@ -147,7 +155,7 @@ def test_a_frame_is_the_mean_of_what_each_pixel_covers(channels: int) -> None:
 )
 def test_what_cannot_be_a_task_is_refused_with_its_reason(task: str, message: str) -> None:
     with pytest.raises(ConfigError, match=message):
-        probe_actions(task)
+        actions_of(task)
 
 
 def test_a_configuration_of_other_actions_is_refused() -> None:
@@ -157,6 +165,7 @@ def test_a_configuration_of_other_actions_is_refused() -> None:
 
 def test_without_pillow_the_error_names_the_extra(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "PIL", None)
-    monkeypatch.delitem(sys.modules, "bpn_robot_sim.gym_robot")
+    for module in ("gym_robot", "environment", "pictures"):
+        monkeypatch.delitem(sys.modules, f"bpn_robot_sim.{module}")
     with pytest.raises(ConfigError, match=r"pip install 'bpn-robot-sim\[gym\]'"):
-        gym_actions("gym:CartPole-v1")
+        actions_of("gym:CartPole-v1")

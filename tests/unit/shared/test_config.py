@@ -54,7 +54,7 @@ def test_every_task_has_a_preset_and_observations_of_its_network(task: Task) -> 
         ({"beta": 0}, "beta = 0: Input should be greater than 0"),
         ({"nodes": "many"}, "nodes = 'many': Input should be a valid integer"),
         ({"pacing": "slow"}, "pacing = 'slow': Input should be 'lockstep' or 'realtime'"),
-        ({"task": "flying"}, "task = 'flying': task = 'flying' is unknown; one of: reaching"),
+        ({"task": "flying"}, "task = 'flying': unknown; one of: reaching"),
         ({"algorithm": "sarsa"}, "algorithm = 'sarsa': Input should be 'bpn', 'bqn'"),
         (
             {"algorithm": "dpp", "alpha": 0.9},
@@ -81,7 +81,7 @@ def test_every_task_has_a_preset_and_observations_of_its_network(task: Task) -> 
             {"task": "gym:A-v1", "actions": 2, "pacing": "realtime"},
             "pacing = 'realtime': 'gym:A-v1' has no clock of its own; choose lockstep",
         ),
-        ({"task": "gym:"}, "task = 'gym:' is unknown; one of: reaching"),
+        ({"task": "gym:"}, "task = 'gym:': unknown; one of: reaching"),
         ({"task": "gym:a b", "actions": 2}, "gym:ENVIRONMENT-ID"),
         ({"alhpa": 0.5}, "alhpa = 0.5: unknown; one of: task, algorithm"),
     ],

@@ -1,3 +1,4 @@
+import hashlib
 import zlib
 from collections.abc import Callable
 from dataclasses import replace
@@ -10,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from bpn_shared.messages.action import Action
-from bpn_shared.messages.base import MAX_CONTROL_BYTES, MessageError
+from bpn_shared.messages.base import MAX_CONTROL_BYTES, MessageError, OtherVersionError
 from bpn_shared.messages.control import Assignment, EpisodeReceipt, NextEpisode, Reset, ResetReply
 from bpn_shared.messages.decision import Decision
 from bpn_shared.messages.episode import Episode, EpisodeMeta
@@ -24,7 +25,7 @@ REACHING = task_named("reaching")
 u32, u64 = st.integers(0, 2**32 - 1), st.integers(0, 2**64 - 1)
 headers = st.builds(
     FrameHeader, st.sampled_from(FrameKind), u32, u32, u32, u64, u64, st.integers(0, 255), u32, u32,
-    st.just(1), st.floats(allow_nan=False, allow_infinity=False),
+    st.just(1), st.floats(allow_nan=False, allow_infinity=False), st.sampled_from([None, False, True]),
 )  # fmt: skip
 previews = st.builds(
     lambda channels, stacked, *rest: PreviewHeader(channels * stacked, stacked, *rest),
@@ -37,7 +38,7 @@ def make_episode(steps: int = 3, seed: int = 0, **changes: Any) -> Episode:
     rng = np.random.default_rng(seed)
     meta = EpisodeMeta(
         iteration=0, episode=0, seed=1, slot=0, worker="edge-0", weights_attempt=1,
-        weights_version=0, failed=False, deadline_misses=0, duration_ns=1,
+        weights_version=0, terminated=False, deadline_misses=0, duration_ns=1,
     )  # fmt: skip
     return Episode(
         meta=meta.model_copy(update=changes),
@@ -117,19 +118,38 @@ def test_a_frame_may_tell_of_no_reward_but_of_no_infinite_one() -> None:
         FrameHeader.decode(header._replace(reward=-np.inf).encode())
 
 
-def test_an_older_frame_or_episode_is_refused_by_its_schema() -> None:
+def test_an_older_frame_is_refused_by_its_schema() -> None:
     header = FrameHeader(FrameKind.MID, 1, 2, 3, 4, 5).encode()
-    with pytest.raises(MessageError, match="frame header: schema 1, this program reads 2"):
-        FrameHeader.decode(b"\x01" + header[1:])
-    older = msgpack.packb({**msgpack.unpackb(EPISODE.encode()), "schema": 1})
-    with pytest.raises(MessageError, match=r"episode: schema 1, this program \(bpn .*\) reads 2"):
-        Episode.decode(older, REACHING)
+    with pytest.raises(OtherVersionError, match="frame header: schema 2, this program reads 3"):
+        FrameHeader.decode(b"\x02" + header[1:])
+
+
+@given(st.sampled_from(FrameKind))
+def test_only_the_last_two_kinds_of_frame_end_an_episode(kind: FrameKind) -> None:
+    assert kind.ends_episode == (kind.name in ("LAST", "TERMINATED"))
+    assert FrameHeader.decode(FrameHeader(kind, 1, 2, 3, 4, 5).encode()).kind is kind
+
+
+def resealed(**changes: Any) -> bytes:
+    """The episode with other content under a digest that is right."""
+    content = msgpack.packb(msgpack.unpackb(msgpack.unpackb(EPISODE.encode())["content"]) | changes)
+    return msgpack.packb(
+        {"schema": 3, "sha256": hashlib.sha256(content).digest(), "content": content}
+    )
 
 
 def test_outputs_of_another_type_are_refused() -> None:
-    fields = msgpack.unpackb(EPISODE.encode())
     with pytest.raises(MessageError, match="outputs_type"):
-        Episode.decode(msgpack.packb({**fields, "outputs_type": "float64"}), REACHING)
+        Episode.decode(resealed(outputs_type="float64"), REACHING)
+
+
+def test_pixels_that_do_not_inflate_are_refused() -> None:
+    frames = bytearray(zlib.compress(EPISODE.frames.tobytes()))
+    frames[len(frames) // 2] ^= 0xFF
+    with pytest.raises(MessageError, match="episode: frames: Error -3"):
+        Episode.decode(resealed(frames=bytes(frames)), REACHING)
+    with pytest.raises(MessageError, match="episode: frames: not the 28224 bytes"):
+        Episode.decode(resealed(frames=bytes(frames[:100])), REACHING)
 
 
 @settings(max_examples=300)
@@ -180,7 +200,9 @@ def test_an_action_that_the_task_does_not_have_is_refused() -> None:
 
 def test_another_schema_is_refused_by_name() -> None:
     newer = msgpack.packb({**msgpack.unpackb(MESSAGES[0].encode()), "schema": 2})
-    with pytest.raises(MessageError, match=r"schema 2, this program \(bpn .*\) reads 1: install the same version"):
+    with pytest.raises(
+        MessageError, match=r"schema 2, this program \(bpn .*\) reads 1: install the same version"
+    ):
         Reset.decode(newer)
 
 
@@ -198,10 +220,9 @@ def test_oversized_input_is_refused_before_it_is_parsed() -> None:
 
 
 def test_a_decompression_bomb_is_refused_without_inflating_it() -> None:
-    fields = msgpack.unpackb(EPISODE.encode())
-    fields["frames"] = zlib.compress(bytes(200 * 1024 * 1024), level=9)  # 200 MB in 200 KB
+    bomb = zlib.compress(bytes(200 * 1024 * 1024), level=9)  # 200 MB in 200 KB
     with pytest.raises(MessageError, match="not the 28224 bytes"):
-        Episode.decode(msgpack.packb(fields), REACHING)
+        Episode.decode(resealed(frames=bomb), REACHING)
 
 
 def test_an_episode_whose_arrays_do_not_fit_is_refused() -> None:

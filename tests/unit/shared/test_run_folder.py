@@ -1,4 +1,5 @@
 import json
+import shutil
 from pathlib import Path
 from uuid import UUID
 
@@ -6,7 +7,7 @@ import pytest
 
 from bpn_shared.config import ConfigError, RunConfig
 from bpn_shared.runs.files import write_atomically
-from bpn_shared.runs.folder import RunFolder, RunOwnedError
+from bpn_shared.runs.folder import RunFolder, RunOwnedError, is_run_id, run_folders
 
 RUNS = [UUID(int=0x1234 << 112 | 1), UUID(int=0x1235 << 112 | 2)]
 
@@ -38,12 +39,12 @@ def test_the_configuration_is_kept(folder: RunFolder) -> None:
 def test_a_run_that_is_seen_has_all_its_files(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def slowly(path: Path, data: bytes) -> None:
+    def slowly(path: Path, data: bytes, *, root: Path, **_: object) -> None:
         for name in ("config.json", "state.json"):  # before each file, and after it
             for config in tmp_path.glob("*/config.json"):
                 RunFolder(config.parent).state()
             if path.name == name:
-                write_atomically(path, data)
+                write_atomically(path, data, root=root)
 
     monkeypatch.setattr("bpn_shared.runs.folder.write_atomically", slowly)
     made = RunFolder.create(tmp_path, UUID(int=1), RunConfig.for_task("reaching"))
@@ -93,5 +94,38 @@ def test_one_learner_owns_a_run(folder: RunFolder) -> None:
 
 def test_rewards_are_kept_by_iteration(folder: RunFolder) -> None:
     folder.append_rewards(0, [[-1.5, -2.0], [-3.0]])
-    line = (folder.path / "rewards.jsonl").read_text()
-    assert json.loads(line) == {"iteration": 0, "rewards_px": [[-1.5, -2.0], [-3.0]]}
+    assert folder.rewards() == {0: [[-1.5, -2.0], [-3.0]]}
+    line = json.loads((folder.path / "rewards.jsonl").read_text())
+    assert (line["iteration"], line["rewards_px"]) == (0, [[-1.5, -2.0], [-3.0]])
+
+
+@pytest.mark.parametrize("order", [("config.json", "state.json"), ("state.json", "config.json")])
+def test_a_folder_that_is_copied_in_any_order_is_there_once_it_is_whole(
+    folder: RunFolder, tmp_path: Path, order: tuple[str, str]
+) -> None:
+    copy = RunFolder(tmp_path / "runs" / folder.path.name)
+    copy.path.mkdir(parents=True)
+    for name in order:
+        assert not copy.is_complete()
+        assert list(run_folders(copy.path.parent)) == []
+        (copy.path / name).write_bytes((folder.path / name).read_bytes())
+    assert copy.is_complete()
+    assert [found.path for found in run_folders(copy.path.parent)] == [copy.path]
+
+
+def test_a_run_has_one_spelling_and_a_link_to_one_is_none(
+    folder: RunFolder, tmp_path: Path
+) -> None:
+    name = folder.path.name
+    for other in (
+        name.upper().replace("1", "A", 1),
+        name.replace("-", ""),
+        f"{{{name}}}",
+        "sweeps",
+    ):
+        shutil.copytree(folder.path, tmp_path / other, dirs_exist_ok=True)
+        assert not RunFolder(tmp_path / other).is_complete()
+        assert not is_run_id(other)
+    (tmp_path / str(RUNS[1])).symlink_to(folder.path)
+    assert [found.path for found in run_folders(tmp_path)] == [folder.path]
+    assert list(run_folders(tmp_path / "nowhere")) == []

@@ -70,3 +70,32 @@ print("stopped")
         [sys.executable, "-c", program], capture_output=True, text=True, timeout=60, check=True
     )
     assert done.stdout == "stopped\n"
+
+
+def test_a_log_that_cannot_be_written_ends_nothing_and_tells_later() -> None:
+    program = """
+import logging, os, sys
+from bpn_shared.service import set_up_logging
+heard = []
+class Elsewhere(logging.Handler):
+    def emit(self, record):
+        heard.append(record.getMessage())
+log = os.dup(2)
+os.dup2(os.open("/dev/full", os.O_WRONLY), 2)  # every write: no space left on device
+set_up_logging("edge-0")
+logging.getLogger().addHandler(Elsewhere())
+for number in range(20):
+    logging.warning("line %d", number)
+assert [line for line in heard if "lost" in line] == ["log lines are lost: No space left on device"]
+assert len(heard) == 21
+os.dup2(log, 2)
+logging.warning("there is space again")
+"""
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, timeout=60, check=True
+    )
+    assert "edge-0 WARNING there is space again\n" in done.stderr
+    assert done.stderr.endswith(
+        "edge-0 ERROR log lines were lost, up to 21: No space left on device\n"
+    )
+    assert "Traceback" not in done.stderr

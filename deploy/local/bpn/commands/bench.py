@@ -3,12 +3,13 @@
 import argparse
 import importlib
 import json
+from collections.abc import Sequence
 from typing import Any
 
-from bpn_shared.config import ConfigError
+from bpn_shared.errors import InputError
 
 
-def add_options(parser: argparse.ArgumentParser) -> None:
+def add_options(parser: argparse.ArgumentParser, _arguments: Sequence[str]) -> None:
     parser.add_argument("what", choices=("kernel", "learner", "learners", "loop", "dashboard"))
     parser.add_argument("--json", action="store_true", help="print one JSON object")
     parser.add_argument(
@@ -28,7 +29,7 @@ def run(options: argparse.Namespace) -> int:
     if options.parts is not None:
         given["parts"] = options.parts.split(",")
     if given and options.what != "dashboard":
-        raise ConfigError(f"--parts and --quick are of `bpn bench dashboard`, not {options.what}")
+        raise InputError(f"--parts and --quick are of `bpn bench dashboard`, not {options.what}")
     benchmark = importlib.import_module(f"bpn.bench.{options.what}")
     result = benchmark.run(**given)
     if options.json:

@@ -2,16 +2,17 @@
 
 import argparse
 import sys
+from collections.abc import Sequence
 
 from bpn.dashboard import Dashboard
 from bpn.options import add_runs_dir
 from bpn_dashboard.database.engine import Database, DatabaseError
 from bpn_dashboard.options import database_url
 from bpn_dashboard.registry.store import RunStore
-from bpn_shared.config import ConfigError
+from bpn_shared.errors import InputError
 
 
-def add_options(parser: argparse.ArgumentParser) -> None:
+def add_options(parser: argparse.ArgumentParser, _arguments: Sequence[str]) -> None:
     actions = parser.add_subparsers(required=True, metavar="ACTION")
     action = actions.add_parser(
         "reindex",
@@ -27,17 +28,17 @@ def reindex(options: argparse.Namespace) -> int:
     """Rebuilds; exit status 1 if a folder could not be read.
 
     Raises:
-        ConfigError: a dashboard is running on these runs, or the database cannot be used.
+        InputError: a dashboard is running on these runs, or the database cannot be used.
     """
     running = Dashboard.find(options.runs_dir)
     if running is not None:
-        raise ConfigError(f"the dashboard at {running.url} uses the database: stop it first")
+        raise InputError(f"the dashboard at {running.url} uses the database: stop it first")
     if not options.runs_dir.is_dir():
-        raise ConfigError(f"--runs-dir {options.runs_dir}: there is no such folder")
+        raise InputError(f"--runs-dir {options.runs_dir}: there is no such folder")
     try:
         database = Database(database_url(options.runs_dir, options.database))
     except DatabaseError as error:
-        raise ConfigError(str(error)) from error
+        raise InputError(str(error)) from error
     result = RunStore(database, options.runs_dir).index.rebuild()
     database.close()
     print(f"{result.runs} runs and {result.sweeps} sweeps indexed, {result.removed} removed")

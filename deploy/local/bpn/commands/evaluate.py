@@ -2,30 +2,40 @@
 
 import argparse
 import json
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, get_args
 
 from rich.console import Console
 
 from bpn import optional
-from bpn.evaluation.outcome import outcome, summarize
+from bpn.errors import CommandError
+from bpn.evaluation.outcome import distinct_trials, outcome, summarize
 from bpn.evaluation.progress import trials_bar
+from bpn.evaluation.shown import shown
 from bpn.evaluation.trials import PlayedPolicy, Trials, play
 from bpn.options import add_runs_dir
-from bpn_shared.config import ConfigError, Kernel, Pacing, RunConfig
+from bpn.outputs import check_output
+from bpn.this_machine import ThisMachine
+from bpn_shared.config import Kernel, Pacing, RunConfig
+from bpn_shared.errors import InputError
 from bpn_shared.runs.folder import RunFolder
 from bpn_shared.service import stop_on_signals
 from bpn_shared.weights import Weights, decode_weights
 
+_FILMS, _PLOTS = (".mp4", ".gif"), (".png", ".svg", ".pdf")
 
-def add_options(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("run_id", metavar="RUN", help="id of the run, or its beginning or end")
+
+def add_options(parser: argparse.ArgumentParser, _arguments: Sequence[str]) -> None:
+    parser.add_argument("run_id", metavar="RUN", help="id of the run, or its end")
     parser.add_argument("--trials", type=int, default=10, help="episodes (default 10)")
     parser.add_argument(
         "--policy",
         choices=get_args(PlayedPolicy),
         default="greedy",
-        help="the best action, drawn as in training, or any (default greedy)",
+        help="the best action; drawn from the outputs' softmax, as bpn, cvi and dpp train (bqn and dqn do "
+        "not); or any (default greedy)",
     )
     parser.add_argument("--version", type=int, help="weights version (default: the newest)")
     parser.add_argument("--seed", type=int, help="of starts and draws (default: the run's)")
@@ -39,9 +49,11 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--kernel", choices=get_args(Kernel), help="default: the run's")
     parser.add_argument("--robots", type=int, default=1, help="trials played side by side")
-    parser.add_argument("--video", type=Path, metavar="FILE", help="film, .mp4 or .gif")
+    parser.add_argument("--video", type=Path, metavar="FILE", help="film, " + " or ".join(_FILMS))
     parser.add_argument("--no-bars", action="store_true", help="film without action preferences")
-    parser.add_argument("--plot", type=Path, metavar="FILE", help="trajectories, .png or .svg")
+    parser.add_argument(
+        "--plot", type=Path, metavar="FILE", help="trajectories, " + ", ".join(_PLOTS)
+    )
     parser.add_argument("--json", action="store_true", help="print one JSON object")
     add_runs_dir(parser)
     parser.set_defaults(run=run)
@@ -52,7 +64,8 @@ def run(options: argparse.Namespace) -> int:
     folder = RunFolder.open(options.runs_dir, options.run_id)
     trials = _trials(options, folder.config())
     config, weights = trials.config(folder.config()), _weights(folder, options.version)
-    video, plot = _media(options.video, options.plot)
+    video, plot = _media(options, config.task)
+    ThisMachine().check_playing(config)
     stop = stop_on_signals()
     with trials_bar(trials.count) as on_progress:
         episodes = play(folder, weights, trials, stop, on_progress)
@@ -67,22 +80,38 @@ def run(options: argparse.Namespace) -> int:
         "seed": trials.seed,
         "pacing": config.pacing,
         "action_delay_ms": config.action_delay_ms,
-        **summarize(config, [outcome(config, episode) for episode in episodes]),
+        **summarize(
+            config,
+            [outcome(config, episode) for episode in episodes],
+            distinct=distinct_trials(episodes),
+        ),
     }
-    if video is not None:
-        video.write(options.video, episodes, config.task_spec, bars=not options.no_bars)
-    if plot is not None:
-        plot.write(options.plot, config.task, episodes)
     if options.json:
-        print(json.dumps(result))
+        print(json.dumps(result), flush=True)
     else:
-        _show(result, config)
+        Console().print("\n".join(shown(result, config)), highlight=False, soft_wrap=True)
+    # What was measured stands whatever becomes of the pictures.
+    if video is not None:
+        bars = not options.no_bars
+        with _writing("--video", options.video):
+            video.write(options.video, episodes, config.task_spec, bars=bars)
+    if plot is not None:
+        with _writing("--plot", options.plot):
+            plot.write(options.plot, config.task, episodes)
     return 0
+
+
+@contextmanager
+def _writing(option: str, path: Path) -> Iterator[None]:
+    try:
+        yield
+    except Exception as error:  # encoders have exceptions of their own
+        raise CommandError(f"{option} {path} could not be written: {error}") from error
 
 
 def _trials(options: argparse.Namespace, trained: RunConfig) -> Trials:
     if options.trials < 1:
-        raise ConfigError(f"--trials = {options.trials} must be at least 1")
+        raise InputError(f"--trials = {options.trials} must be at least 1")
     changes = {
         "pacing": options.pacing,
         "action_delay_ms": options.action_delay_ms,
@@ -98,44 +127,20 @@ def _weights(folder: RunFolder, version: int | None) -> Weights:
         return folder.newest_weights()
     path = folder.weights_path(version)
     if not path.exists():
-        raise ConfigError(
+        raise InputError(
             f"--version {version}: not in {path.parent}, the newest is {folder.newest_weights().version}"
         )
     return decode_weights(path.read_bytes())
 
 
-def _media(video_path: Path | None, plot_path: Path | None) -> tuple[Any, Any]:
-    """The modules that write what is asked for: what is missing is said before the trials, not after."""
+def _media(options: argparse.Namespace, task: str) -> tuple[Any, Any]:
+    """The modules that write what is asked for: what cannot be written is said before the trials, not after."""
     video = plot = None
-    if video_path is not None:
-        _check_suffix("--video", video_path, (".mp4", ".gif"))
+    if options.video is not None:
+        check_output("--video", options.video, _FILMS)
         video = optional.load("bpn.evaluation.video", extra="media", wanted_by="--video")
-    if plot_path is not None:
-        _check_suffix("--plot", plot_path, (".png", ".svg", ".pdf"))
+    if options.plot is not None:
+        check_output("--plot", options.plot, _PLOTS)
         plot = optional.load("bpn.evaluation.plot", extra="media", wanted_by="--plot")
+        plot.check_task(task)
     return video, plot
-
-
-def _check_suffix(option: str, path: Path, suffixes: tuple[str, ...]) -> None:
-    if path.suffix not in suffixes:
-        raise ConfigError(f"{option} {path}: the name must end with one of {', '.join(suffixes)}")
-
-
-def _show(result: dict[str, Any], config: RunConfig) -> None:
-    task = config.task_spec
-    per_step = result["px_per_step" if task.rewards == "pixels" else "return_per_step"]["mean"]
-    tracked, time = result.get("tracking_time"), ""
-    if tracked is not None:
-        time = f" = {tracked['seconds']:.1f} s ({tracked['percent']:.0f} %)"
-    total = result[task.return_metric]
-    lines = [
-        f"{result['trials']} {result['policy']} trials in {result['pacing']}, weights version "
-        f"{result['weights_version']} of run {result['run_id']} ({config.algorithm}, {config.task})",
-        f"return   {total['mean']:8.1f} ± {total['std']:.1f}{task.return_unit}"
-        f"   ({per_step:.1f}{task.return_unit} a step)",
-        f"length   {result['length']['mean']:8.1f} ± {result['length']['std']:.1f} of {config.steps} steps{time}",
-        f"success  {100 * result['success_share']:8.0f} %",
-    ]
-    if config.pacing == "realtime":
-        lines.append(f"control periods without an action: {result['deadline_misses']}")
-    Console().print("\n".join(lines), highlight=False, soft_wrap=True)

@@ -5,6 +5,7 @@ Interrupt it whenever you like: the same command goes on where it stopped, and m
 
 import argparse
 import shlex
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -12,14 +13,14 @@ from rich.console import Console
 
 from bpn import optional
 from bpn_shared.algorithms import ALGORITHMS
-from bpn_shared.config import ConfigError
+from bpn_shared.errors import InputError
 from bpn_shared.service import stop_on_signals
 
 _RESULTS = Path("docs/results")
 NAMES = ("reaching", "tracking", "heatmap", "pan-tilt", "inference", "latency", "cartpole")
 
 
-def add_options(parser: argparse.ArgumentParser) -> None:
+def add_options(parser: argparse.ArgumentParser, _arguments: Sequence[str]) -> None:
     parser.add_argument("target", metavar="TARGET", choices=NAMES, help=", ".join(NAMES))
     parser.add_argument("--seeds", type=int, help="runs of each configuration (default 5; quick 2)")
     parser.add_argument("--jobs", type=int, default=1, help="runs side by side (default 1)")
@@ -40,6 +41,11 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         "--quick", action="store_true", help="a tiny version, to see that everything works"
     )
     parser.add_argument(
+        "--redraw",
+        action="store_true",
+        help="only the plot and the page, from the results that are there",
+    )
+    parser.add_argument(
         "--out", type=Path, help="for the results (default docs/results; quick: RUNS_DIR/quick)"
     )
     parser.add_argument(
@@ -56,8 +62,11 @@ def run(options: argparse.Namespace) -> int:
     for name in ("seeds", "jobs", "iterations"):
         value = getattr(options, name)
         if value is not None and value < 1:
-            raise ConfigError(f"--{name} = {value} must be at least 1")
+            raise InputError(f"--{name} = {value} must be at least 1")
     making: Any = optional.load("bpn.reproduce.making", extra="media", wanted_by="`bpn reproduce`")
+    out_dir = options.out or (options.runs_dir / "quick" if options.quick else _RESULTS)
+    if options.redraw:
+        return int(making.redraw(options.target, out_dir, Console()))
     return int(
         making.make(
             options.target,
@@ -67,7 +76,7 @@ def run(options: argparse.Namespace) -> int:
             iterations=options.iterations,
             quick=options.quick,
             jobs=options.jobs,
-            out_dir=options.out or (options.runs_dir / "quick" if options.quick else _RESULTS),
+            out_dir=out_dir,
             runs_dir=options.runs_dir,
             command=_command(options),
             stop=stop_on_signals(),
@@ -80,7 +89,7 @@ def _integers(text: str) -> list[int]:
     try:
         return [int(word) for word in text.split(",")]
     except ValueError:
-        raise ConfigError(f"--nodes = {text!r} must be integers with commas between them") from None
+        raise InputError(f"--nodes = {text!r} must be integers with commas between them") from None
 
 
 def _command(options: argparse.Namespace) -> str:

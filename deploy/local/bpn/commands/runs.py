@@ -13,13 +13,16 @@ from rich.table import Table
 
 from bpn.dashboard import Dashboard
 from bpn.options import add_run_options, add_runs_dir, given_run_options
-from bpn_shared.config import PRESETS, ConfigError, RunConfig
+from bpn.terminal import command
+from bpn_shared.errors import InputError
+from bpn_shared.runs.creation import request_values
+from bpn_shared.tasks import TASK_NAMES
 
 _LIMIT = 200
 Action = Callable[[argparse.Namespace, Dashboard], Any]
 
 
-def add_options(parser: argparse.ArgumentParser) -> None:
+def add_options(parser: argparse.ArgumentParser, arguments: Sequence[str]) -> None:
     actions = parser.add_subparsers(required=True, metavar="ACTION")
 
     listing = _action(actions, "ls", _list, "list runs, newest first")
@@ -33,17 +36,15 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
     _with_run(_action(actions, "show", _show, "what is known of a run"))
     start = _action(actions, "start", _start, "put a new run into the queue")
-    start.add_argument("task", metavar="TASK", help=f"one of: {', '.join(PRESETS)}")
+    start.add_argument("task", metavar="TASK", help=f"one of: {TASK_NAMES}")
     start.add_argument("--name", default="", help="to find it again")
     start.add_argument("--tag", action="append", default=[], help="may be repeated")
-    add_run_options(start)
+    add_run_options(start, arguments)
     _with_run(_action(actions, "stop", _stop, "ask a run's workers to stop"))
     _with_run(_action(actions, "resume", _resume, "let workers go on with a run"))
 
     export = _action(actions, "export", _export, "write metrics to a file", answers=False)
-    export.add_argument(
-        "run_ids", nargs="+", metavar="RUN", help="ids, or their beginnings or ends"
-    )
+    export.add_argument("run_ids", nargs="+", metavar="RUN", help="ids, or their ends")
     export.add_argument("--metrics", default="", help="separated by commas (default: all)")
     export.add_argument("--output", type=Path, required=True, help="FILE.csv or FILE.parquet")
 
@@ -65,19 +66,20 @@ def _action(
 
 
 def _with_run(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("run_id", metavar="RUN", help="id of the run, or its beginning or end")
+    parser.add_argument("run_id", metavar="RUN", help="id of the run, or its end")
 
 
 def run(options: argparse.Namespace) -> int:
     """Does one action.
 
     Raises:
-        ConfigError: no dashboard runs on these runs, or it refuses what was asked.
+        InputError: no dashboard runs on these runs, or it refuses what was asked.
     """
     dashboard = Dashboard.find(options.runs_dir)
     if dashboard is None:
-        raise ConfigError(
-            f"no dashboard runs on --runs-dir {options.runs_dir}: start one with `bpn up` or `bpn-dashboard`"
+        start = command("bpn", "up", "--runs-dir", options.runs_dir)
+        raise InputError(
+            f"no dashboard runs on --runs-dir {options.runs_dir}: start one with `{start}`"
         )
     options.act(options, dashboard)
     return 0
@@ -119,8 +121,8 @@ def _show(options: argparse.Namespace, dashboard: Dashboard) -> None:
 
 
 def _start(options: argparse.Namespace, dashboard: Dashboard) -> None:
-    config = RunConfig.for_task(options.task, **given_run_options(options))
-    made = dashboard.create_run(config.model_dump(), options.name, options.tag)
+    values = request_values({"task": options.task, **given_run_options(options)})
+    made = dashboard.create_run(values, options.name, options.tag)
     _print(options, made)
 
 
@@ -135,12 +137,12 @@ def _resume(options: argparse.Namespace, dashboard: Dashboard) -> None:
 def _export(options: argparse.Namespace, dashboard: Dashboard) -> None:
     form = options.output.suffix.removeprefix(".")
     if form not in ("csv", "parquet"):
-        raise ConfigError(f"--output {options.output}: the name must end in .csv or .parquet")
+        raise InputError(f"--output {options.output}: the name must end in .csv or .parquet")
     run_ids = [dashboard.named(text)["id"] for text in options.run_ids]
     metrics = [name for name in options.metrics.split(",") if name]
     metrics = metrics or sorted({name for run in run_ids for name in dashboard.metrics(run)})
     if not metrics:
-        raise ConfigError("the runs have no metrics yet")
+        raise InputError("the runs have no metrics yet")
     partial = options.output.with_name(options.output.name + ".part")
     with partial.open("wb") as file:
         for piece in dashboard.export(run_ids, metrics, form):

@@ -5,22 +5,27 @@ import socket
 import sys
 import threading
 import time
+from collections.abc import Sequence
 from pathlib import Path
 
 from bpn.dashboard import Dashboard, DashboardAwayError
 from bpn.local_run import RunFailedError, private_endpoint
 from bpn.options import add_runs_dir
+from bpn.outputs import check_runs_dir
 from bpn.pool import PoolSize, services_of_pool
 from bpn.supervisor import Supervisor
-from bpn_shared.config import ConfigError
+from bpn.terminal import command
+from bpn_shared.bus.router import configure
+from bpn_shared.errors import InputError
 from bpn_shared.service import stop_on_signals
 
 DEFAULT_TASK = "reaching"
+_MAX_PORT = 65535
 _CHECK_S = 0.05
 _LOOK_S = 0.5
 
 
-def add_options(parser: argparse.ArgumentParser) -> None:
+def add_options(parser: argparse.ArgumentParser, _arguments: Sequence[str]) -> None:
     for name, default in (("learners", "1"), ("robots", "as learners"), ("edges", "as robots")):
         parser.add_argument(
             f"--{name}", type=int, metavar="N", help=f"how many {name} (default {default})"
@@ -38,21 +43,22 @@ def run(options: argparse.Namespace) -> int:
     """Runs until it is interrupted: exit status 130, and runs that go on at the next `bpn up`.
 
     Raises:
-        ConfigError: an option is wrong, or a dashboard runs there already.
+        InputError: an option is wrong, or a dashboard runs there already.
         RunFailedError: router or dashboard failed for good.
     """
     running = Dashboard.find(options.runs_dir)
     if running is not None:
-        raise ConfigError(
+        raise InputError(
             f"the runs in {options.runs_dir} have a dashboard already, at {running.url}: "
             "stop it or choose another --runs-dir"
         )
+    size, port = _size(options), _port(options.port)
+    if options.listen is not None:
+        configure(options.listen)  # what the router would refuse
+    check_runs_dir(options.runs_dir)
     logs = options.runs_dir / ".logs"
     services = services_of_pool(
-        _size(options),
-        options.runs_dir,
-        options.listen or private_endpoint(),
-        ["--port", str(options.port or _free_port())],
+        size, options.runs_dir, options.listen or private_endpoint(), ["--port", str(port)]
     )
     supervisor = Supervisor(services, logs)
     stop = stop_on_signals()
@@ -63,14 +69,30 @@ def run(options: argparse.Namespace) -> int:
         supervisor.stop()
     if supervisor.failure:
         raise RunFailedError(f"{supervisor.failure} in {logs}\n{_last_line(supervisor, logs)}")
-    print("stopped; runs that were not finished go on with: bpn up", file=sys.stderr)
+    again = command("bpn", "up", "--runs-dir", options.runs_dir)
+    print(f"stopped; runs that were not finished go on with: {again}", file=sys.stderr)
     return 130
 
 
-def _free_port() -> int:
-    """A port that stays the same when the dashboard is restarted: pages that are open find it again."""
+def _port(wanted: int) -> int:
+    """The port, if nobody listens there; for 0 a free one.
+
+    It stays the same when the dashboard is restarted: pages that are open find it again.
+
+    Raises:
+        InputError: it is no port, or is taken.
+    """
+    if not 0 <= wanted <= _MAX_PORT:
+        raise InputError(f"--port = {wanted} must be 0 to {_MAX_PORT}; 0 takes any free one")
     with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
+        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)  # as the dashboard does
+        try:
+            probe.bind(("127.0.0.1", wanted))
+            probe.listen()
+        except OSError as error:
+            raise InputError(
+                f"--port = {wanted}: {error.strerror}; choose another, or 0 for any free one"
+            ) from error
         port: int = probe.getsockname()[1]
         return port
 
@@ -81,7 +103,7 @@ def _size(options: argparse.Namespace) -> PoolSize:
     edges = robots if options.edges is None else options.edges
     for name, count in (("learners", learners), ("robots", robots), ("edges", edges)):
         if not 0 <= count <= 64:
-            raise ConfigError(f"--{name} = {count} must be 0 to 64")
+            raise InputError(f"--{name} = {count} must be 0 to 64")
     return PoolSize(robots, edges, learners)
 
 

@@ -8,9 +8,10 @@ import numpy as np
 import numpy.typing as npt
 
 from bpn_learner.reward import episode_rewards
-from bpn_robot_sim.reaching.geometry import TARGET_RADIUS_PX
 from bpn_shared.config import RunConfig
 from bpn_shared.messages.episode import Episode
+from bpn_shared.statistics import mean_std
+from bpn_shared.success import share, success_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -20,32 +21,49 @@ class Outcome:
     Attributes:
         total: the return, sum of rewards: in pixels, or as the environment of a gym: task counts.
         steps: until its end.
-        success: reaching: the hand ends on the target; other tasks: the episode lasted for all T steps.
+        terminated: the task ended it, good or bad, before its time.
+        success: as the task or its environment defines it; None where neither does.
         deadline_misses: control periods without an action in time (realtime pacing).
     """
 
     total: float
     steps: int
-    success: bool
+    terminated: bool
+    success: bool | None
     deadline_misses: int
 
 
 def outcome(config: RunConfig, episode: Episode) -> Outcome:
     """The outcome of one trial."""
     rewards = episode_rewards(config.task_spec, episode)
-    success = not episode.meta.failed
-    if config.task == "reaching":
-        success = bool(rewards[-1] >= -TARGET_RADIUS_PX)
-    return Outcome(float(rewards.sum()), episode.steps, success, int(episode.meta.deadline_misses))
+    meta = episode.meta
+    return Outcome(
+        total=float(rewards.sum()),
+        steps=episode.steps,
+        terminated=meta.terminated,
+        success=success_of(config.task_spec, meta, rewards),
+        deadline_misses=int(meta.deadline_misses),
+    )
 
 
-def summarize(config: RunConfig, outcomes: Sequence[Outcome]) -> dict[str, Any]:
-    """Mean and standard deviation over trials, and every trial.
+def distinct_trials(episodes: Sequence[Episode]) -> int:
+    """How many of the trials differ in what was seen or done: greedy play from one start is always the same."""
+    return len({(one.frames.tobytes(), one.actions.tobytes()) for one in episodes})
+
+
+def summarize(
+    config: RunConfig, outcomes: Sequence[Outcome], *, distinct: int | None = None
+) -> dict[str, Any]:
+    """Mean and standard deviation (n - 1; None of one) over trials, and every trial.
+
+    Args:
+        distinct: how many of them differ (all); where all are alike, nothing is known of a spread.
 
     Returns:
-        trials, return_px, px_per_step and length ({mean, std}), tracking_time (mean steps and seconds, and their
-        percentage of T, as the paper's Table II), success_share, deadline_misses,
-        returns_px, lengths, successes. Of a gym: task, whose rewards have units of their own and whose steps
+        trials, distinct_trials, return_px, px_per_step and length ({mean, std}), tracking_time (mean steps and
+        seconds, and their percentage of T, as the paper's Table II), terminated (how many the task ended),
+        success_share and successes (None where neither task nor environment defines it), deadline_misses,
+        returns_px, lengths. Of a gym: task, whose rewards have units of their own and whose steps
         have no duration: return, return_per_step and returns, and no tracking_time.
 
     Raises:
@@ -58,6 +76,7 @@ def summarize(config: RunConfig, outcomes: Sequence[Outcome]) -> dict[str, Any]:
     in_pixels = config.task_spec.rewards == "pixels"
     unit = "_px" if in_pixels else ""
     mean_steps = float(steps.mean())
+    succeeded = share(one.success for one in outcomes)
     tracking_time = {
         "steps": round(mean_steps, 2),
         "seconds": round(mean_steps * config.task_spec.control_period_s, 3),
@@ -65,11 +84,13 @@ def summarize(config: RunConfig, outcomes: Sequence[Outcome]) -> dict[str, Any]:
     }
     return {
         "trials": len(outcomes),
-        f"return{unit}": _mean_std(returns),
-        "px_per_step" if in_pixels else "return_per_step": _mean_std(returns / steps),
-        "length": _mean_std(steps),
+        "distinct_trials": len(outcomes) if distinct is None else distinct,
+        f"return{unit}": _mean_std(returns, distinct),
+        "px_per_step" if in_pixels else "return_per_step": _mean_std(returns / steps, distinct),
+        "length": _mean_std(steps, distinct),
         **({"tracking_time": tracking_time} if in_pixels else {}),
-        "success_share": round(float(np.mean([one.success for one in outcomes])), 4),
+        "terminated": sum(one.terminated for one in outcomes),
+        "success_share": None if succeeded is None else round(succeeded, 4),
         "deadline_misses": sum(one.deadline_misses for one in outcomes),
         f"returns{unit}": [round(float(value), 3) for value in returns],
         "lengths": steps.tolist(),
@@ -77,5 +98,6 @@ def summarize(config: RunConfig, outcomes: Sequence[Outcome]) -> dict[str, Any]:
     }
 
 
-def _mean_std(values: npt.NDArray[Any]) -> dict[str, float]:
-    return {"mean": round(float(values.mean()), 3), "std": round(float(values.std()), 3)}
+def _mean_std(values: npt.NDArray[Any], distinct: int | None) -> dict[str, float | None]:
+    mean, std = mean_std(values[:1] if distinct == 1 else values)
+    return {"mean": round(mean, 3), "std": None if std is None else round(std, 3)}

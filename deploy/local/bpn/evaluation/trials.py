@@ -49,7 +49,7 @@ class Trials:
             ConfigError: a change is outside its range.
         """
         values = trained.model_dump() | self.changes | {"seed": self.seed}
-        return RunConfig.parse(values, source="options")
+        return RunConfig.parse(values)
 
 
 def play(

@@ -26,7 +26,7 @@ def write(path: Path, episodes: Sequence[Episode], task: Task, *, bars: bool = T
         bars: beside the picture, a bar for each action's preference; the applied action's is coloured.
     """
     pictures = np.stack([picture for one in episodes for picture in film(one, bars=bars)])
-    if path.suffix == ".gif":
+    if path.suffix.lower() == ".gif":
         imageio.imwrite(path, pictures, duration=1000 * task.control_period_s, loop=0)
     else:
         imageio.imwrite(path, pictures, fps=1 / task.control_period_s, macro_block_size=1)

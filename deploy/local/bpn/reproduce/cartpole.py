@@ -10,7 +10,7 @@ from bpn.evaluation.trials import PlayedPolicy, Trials
 from bpn.plotting import OVER_SEEDS, band, entitle, new_figure, reference
 from bpn.reproduce.definition import Context, Document, Scope, Target
 from bpn.reproduce.markdown import table as markdown_table
-from bpn.reproduce.statistics import LAST, at_end, curves
+from bpn.reproduce.statistics import LAST, curves, plus_minus
 from bpn_shared.config import RunConfig
 from bpn_shared.runs.folder import RunFolder
 
@@ -68,13 +68,12 @@ def table(document: Document) -> str:
     """Random play and every seed: the training return at the end, and greedy play."""
     random, *learned = document["result"]["trials"]
     last = min(LAST, *(len(run["returns"]) for run in document["runs"]))
-    ends = at_end(curves(document["runs"], "returns"))
     rows: list[list[object]] = [["random play", "", "", *_played(random)]]
-    for run, end, trials in zip(document["runs"], ends, learned, strict=True):
+    for run, trials in zip(document["runs"], learned, strict=True):
         rows.append(
             [
                 f"BPN, seed {run['seed']}",
-                f"{end:.1f}",
+                f"{np.mean(run['returns'][-last:]):.1f}",
                 f"{np.max(run['returns']):.1f}",
                 *_played(trials),
             ]
@@ -84,9 +83,8 @@ def table(document: Document) -> str:
 
 
 def _played(trials: dict[str, Any]) -> list[object]:
-    total = trials["return"]
     return [
-        f"{total['mean']:.1f} ± {total['std']:.1f}",
+        plus_minus(np.array(trials["returns"])),
         f"{min(trials['returns']):.0f}",
         trials["trials"],
     ]

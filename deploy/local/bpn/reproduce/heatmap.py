@@ -15,8 +15,9 @@ from matplotlib.figure import Figure
 from bpn.plotting import OVER_SEEDS, entitle, new_figure
 from bpn.reproduce.definition import Context, Document, Scope, Target
 from bpn.reproduce.markdown import table as markdown_table
-from bpn.reproduce.statistics import LAST, at_end, curves, group
+from bpn.reproduce.statistics import LAST, at_end, count, curves, group
 from bpn_shared.config import RunConfig
+from bpn_shared.statistics import mean_std
 
 NODES = (16, 32, 100, 256)
 ALPHAS = (0.0, 0.5, 0.8, 0.95)
@@ -44,20 +45,20 @@ def measure(context: Context) -> dict[str, Any]:
 
 
 def cells(document: Document) -> list[dict[str, Any]]:
-    """For each N and alpha: the seeds' mean and standard deviation of every panel's value.
+    """For each N and alpha: the seeds' mean and standard deviation (None of one) of every panel's value.
 
     The paper's value is the best iteration's return, which hides what is lost again; beside it is what the
     run's end returned.
     """
     found = []
-    for (nodes, alpha), seeds in group(document["runs"], "nodes", "alpha").items():
-        returns = curves(seeds, "returns_px")
+    for (nodes, alpha), runs in group(document["runs"], "nodes", "alpha").items():
+        returns = curves(runs, "returns_px")
         values = {"best_return_px": returns.max(axis=1), "last_return_px": at_end(returns)}
         spread = {
-            name: {"mean": float(of_seeds.mean()), "std": float(of_seeds.std())}
+            name: dict(zip(("mean", "std"), mean_std(of_seeds), strict=True))
             for name, of_seeds in values.items()
         }
-        found.append({"nodes": nodes, "alpha": alpha, "seeds": len(seeds), **spread})
+        found.append({"nodes": nodes, "alpha": alpha, "seeds": count(runs), **spread})
     return sorted(found, key=lambda cell: (cell["nodes"], cell["alpha"]))
 
 
@@ -84,13 +85,19 @@ def _map(axes: Axes, found: list[dict[str, Any]], name: str, form: str) -> None:
     for cell in found:
         x, y = sizes.index(cell["nodes"]), alphas.index(cell["alpha"])
         ink = "black" if values[y, x] > middle else "white"
-        mean, std = (form.format(cell[name][key]) for key in ("mean", "std"))
-        axes.text(x, y, f"{mean}\n± {std}", ha="center", va="center", color=ink, fontsize=9)
+        axes.text(
+            x, y, _spread(cell[name], form, "\n"), ha="center", va="center", color=ink, fontsize=9
+        )
     axes.set_xticks(range(len(sizes)), [str(size) for size in sizes])
     axes.set_yticks(range(len(alphas)), [f"{alpha:g}" for alpha in alphas])
     axes.set(xlabel="N", ylabel="alpha")
     axes.grid(visible=False)
     axes.figure.colorbar(image, ax=axes)
+
+
+def _spread(value: dict[str, Any], form: str, between: str = " ") -> str:
+    std = "-" if value["std"] is None else form.format(value["std"])
+    return f"{form.format(value['mean'])}{between}± {std}"
 
 
 def table(document: Document) -> str:
@@ -99,7 +106,7 @@ def table(document: Document) -> str:
         [
             cell["nodes"], f"{cell['alpha']:g}", cell["seeds"],
             *(
-                f"{form.format(cell[name]['mean'])} ± {form.format(cell[name]['std'])}"
+                _spread(cell[name], form)
                 for name, _, form in _PANELS
             ),
         ]

@@ -4,6 +4,7 @@ from math import prod
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
@@ -14,10 +15,11 @@ from bpn.reproduce import computers
 from bpn.reproduce.definition import Context, Document, Scope, Target
 from bpn.reproduce.far import CONFIG
 from bpn.reproduce.markdown import table as markdown_table
-from bpn.reproduce.statistics import group
+from bpn.reproduce.statistics import count, group, of_seeds, plus_minus
 from bpn.summary import percentiles
 from bpn_shared.config import RunConfig
 from bpn_shared.runs.folder import RunFolder
+from bpn_shared.statistics import mean_std
 
 DELAYS_MS = (0, 4, 21, 38, 100, 1003)
 """Those of the paper's Tables III and IV: edge FPGA, edge CPU, server, and a float network on the FPGA."""
@@ -114,12 +116,13 @@ def _computers(axes: Axes, document: Document) -> None:
 def _delays(axes: Axes, document: Document) -> None:
     by_delay = group(document["result"]["trials"], "delay_ms")
     delays_ms = [f"{delay_ms:g}" for (delay_ms,) in by_delay]
-    shares = [[trials["success_share"] for trials in seeds] for seeds in by_delay.values()]
-    means, stds = np.mean(shares, axis=1), np.std(shares, axis=1)
-    count = f"{len(shares[0])} seeds x {next(iter(by_delay.values()))[0]['trials']} trials"
-    axes.errorbar(delays_ms, means, stds, fmt="o-", color=colour(0), capsize=4, label=count)
-    for x, of_seeds in enumerate(shares):
-        axes.plot([x] * len(of_seeds), of_seeds, ".", color=colour(1), alpha=0.6)
+    shares = [_success_shares(trials) for trials in by_delay.values()]
+    means, stds = zip(*(mean_std(of_delay) for of_delay in shares), strict=True)
+    spread = None if None in stds else stds
+    label = f"{len(shares[0])} seeds x {next(iter(by_delay.values()))[0]['trials']} trials"
+    axes.errorbar(delays_ms, means, spread, fmt="o-", color=colour(0), capsize=4, label=label)
+    for x, of_delay in enumerate(shares):
+        axes.plot([x] * len(of_delay), of_delay, ".", color=colour(1), alpha=0.6)
     axes.set(
         xlabel="delay added between frame and action (ms)",
         ylabel="share of trials that keep the target",
@@ -127,6 +130,10 @@ def _delays(axes: Axes, document: Document) -> None:
         title="tracking in realtime pacing, 145 ms period",
     )
     axes.legend(fontsize=8)
+
+
+def _success_shares(trials: list[dict[str, Any]]) -> npt.NDArray[np.float64]:
+    return of_seeds(trials, [of_seed["success_share"] for of_seed in trials])
 
 
 def table(document: Document) -> str:
@@ -172,11 +179,10 @@ def _computer_table(document: Document) -> str:
 def _delay_table(document: Document) -> str:
     rows = []
     for (delay_ms,), seeds in group(document["result"]["trials"], "delay_ms").items():
-        shares = np.array([trials["success_share"] for trials in seeds])
         rows.append(
             [
-                f"{delay_ms:g}", len(seeds), sum(trials["trials"] for trials in seeds),
-                f"{100 * shares.mean():.0f} ± {100 * shares.std():.0f} %",
+                f"{delay_ms:g}", count(seeds), sum(trials["trials"] for trials in seeds),
+                plus_minus(100 * _success_shares(seeds), "{:.0f}", " %"),
                 f"{np.mean([t['length']['mean'] for t in seeds]):.1f}",
                 f"{np.mean([t['px_per_step']['mean'] for t in seeds]):.1f}",
                 f"{np.mean([t['return_px']['mean'] for t in seeds]):.1f}",

@@ -4,6 +4,7 @@ from functools import partial
 from typing import Any, cast
 
 import numpy as np
+import numpy.typing as npt
 from matplotlib.figure import Figure
 
 from bpn.plotting import OVER_SEEDS, band, entitle, new_figure, reference
@@ -12,11 +13,12 @@ from bpn.reproduce.markdown import table as markdown_table
 from bpn.reproduce.statistics import (
     LAST,
     at_end,
+    count,
     curves,
     full_length_shares,
     group,
-    iqm,
-    mean_std,
+    of_seeds,
+    plus_minus,
     shortfall_percent,
 )
 from bpn_robot_sim import references
@@ -24,6 +26,7 @@ from bpn_robot_sim.reaching.optimum import optimal_return, random_return
 from bpn_robot_sim.robot import make_robot
 from bpn_robot_sim.tracking.optimum import mean_optimal_return
 from bpn_shared.config import RunConfig
+from bpn_shared.statistics import iqm
 
 BINARY, FLOAT = ("bpn", "bqn"), ("cvi", "dqn")
 NODES = {"small": 32, "medium": 100, "large": 256}
@@ -109,16 +112,17 @@ def table(document: Document) -> str:
     """What each algorithm returned over its last iterations, beside the references."""
     groups = group(document["runs"], "algorithm", "nodes")
     best = max(
-        (_end(seeds)[0] for (name, _), seeds in groups.items() if name == "cvi"), default=None
+        (_end(seeds)[0].mean() for (name, _), seeds in groups.items() if name == "cvi"),
+        default=None,
     )
     rows = []
     for (algorithm, nodes), seeds in groups.items():
-        mean, std, middle, share, length = _end(seeds)
+        returns, share, length = _end(seeds)
         rows.append(
             [
-                _TITLES[algorithm], nodes, len(seeds), f"{mean:.1f} ± {std:.1f}", f"{middle:.1f}",
+                _TITLES[algorithm], nodes, count(seeds), plus_minus(returns), f"{iqm(returns):.1f}",
                 f"{100 * share:.1f} %", f"{length:.1f}",
-                "" if best is None else f"{shortfall_percent(mean, best):+.1f} %",
+                "" if best is None else f"{shortfall_percent(returns.mean(), best):+.1f} %",
                 f"{curves(seeds, 'returns_px').mean(axis=0).max():.1f}",
             ]
         )  # fmt: skip
@@ -137,12 +141,11 @@ def table(document: Document) -> str:
     return markdown_table(heading, rows)
 
 
-def _end(seeds: list[dict[str, Any]]) -> tuple[float, float, float, float, float]:
-    """Return (mean, std, IQM over seeds), share of full-length episodes and length of the last iterations."""
-    returns = at_end(curves(seeds, "returns_px"))
-    shares = np.array([np.mean(full_length_shares(run)[-LAST:]) for run in seeds])
-    lengths = at_end(curves(seeds, "lengths"))
-    return *mean_std(returns), iqm(returns), float(shares.mean()), float(lengths.mean())
+def _end(runs: list[dict[str, Any]]) -> tuple[npt.NDArray[np.float64], float, float]:
+    """Of the last iterations: each seed's return, mean share of full-length episodes and mean length."""
+    shares = of_seeds(runs, [float(np.mean(full_length_shares(run)[-LAST:])) for run in runs])
+    lengths = at_end(curves(runs, "lengths"))
+    return at_end(curves(runs, "returns_px")), float(shares.mean()), float(lengths.mean())
 
 
 REACHING = Target(

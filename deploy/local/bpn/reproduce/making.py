@@ -1,5 +1,6 @@
 """Makes a target: its runs, its measurements, its files."""
 
+import shlex
 import threading
 from collections.abc import Sequence
 from functools import partial
@@ -58,11 +59,25 @@ def make(
             runs = campaign.train(configs)
             result = target.measure(Context(scope, runs, campaign.play, say, stop))
         except StoppedError as stopped:
-            say(f"stopped: {stopped}; go on with: {command} --runs-dir {runs_dir}")
+            say(
+                f"stopped: {stopped}; go on with: {command} --runs-dir {shlex.quote(str(runs_dir))}"
+            )
             return 130
         made = report.document(target, command, runs, result, quick=quick)
         for path in report.write(target, made, out_dir):
             say(f"wrote {path}")
+    return 0
+
+
+def redraw(name: str, out_dir: Path, out: Console) -> int:
+    """Makes a target's plot and page anew from its document, without any run.
+
+    Raises:
+        ConfigError: there is no document.
+    """
+    target = TARGETS[name]
+    for path in report.redraw(target, report.read(target, out_dir), out_dir):
+        out.print(f"wrote {path}", highlight=False, soft_wrap=True)
     return 0
 
 

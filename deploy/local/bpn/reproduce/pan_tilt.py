@@ -12,7 +12,14 @@ from bpn.evaluation.trials import PlayedPolicy, Trials
 from bpn.plotting import BEST, OVER_SEEDS, band, colour, entitle, new_figure
 from bpn.reproduce.definition import Context, Document, Scope, Target
 from bpn.reproduce.markdown import table as markdown_table
-from bpn.reproduce.statistics import curves, full_length_shares, group
+from bpn.reproduce.statistics import (
+    count,
+    curves,
+    full_length_shares,
+    group,
+    of_seeds,
+    plus_minus,
+)
 from bpn_shared.config import RunConfig
 from bpn_shared.runs.folder import RunFolder
 
@@ -99,14 +106,14 @@ def table(document: Document) -> str:
     """Tracking time as the paper's Table II, over all trials of all seeds."""
     rows = []
     for (name,), seeds in group(document["result"]["trials"], "name").items():
-        seconds = np.array([trials["tracking_time"]["seconds"] for trials in seeds])
+        seconds = of_seeds(seeds, [trials["tracking_time"]["seconds"] for trials in seeds])
         percent = np.mean([trials["tracking_time"]["percent"] for trials in seeds])
         kept = [success for trials in seeds for success in trials["successes"]]
         by_seed = ", ".join(f"{sum(t['successes'])}/{t['trials']}" for t in seeds)
         rows.append(
             [
-                name.upper(), len(seeds), len(kept),
-                f"{seconds.mean():.1f} ± {seconds.std():.1f} ({percent:.0f})",
+                name.upper(), count(seeds), len(kept),
+                f"{plus_minus(seconds)} ({percent:.0f})",
                 f"{np.mean([t['length']['mean'] for t in seeds]):.1f}",
                 f"{sum(kept)}/{len(kept)} ({by_seed})",
                 f"{np.mean([t['return_px']['mean'] for t in seeds]):.1f}",

@@ -29,7 +29,9 @@ def run_record(folder: RunFolder) -> dict[str, Any]:
         "episodes": config.episodes,
         metric.replace("return", "returns"): [round(line[metric], 2) for line in lines],
         "lengths": [round(line["length"], 2) for line in lines],
-        "failures": [line["failures"] for line in lines],
+        "failures": [
+            line["terminated"] if "terminated" in line else line["failures"] for line in lines
+        ],
         "seconds": round(sum(line["iteration_s"] for line in lines), 1),
         "weights_sha256": lines[-1]["weights_sha256"],
     }

@@ -1,10 +1,12 @@
-"""Statistics over seeds and iterations, all pure."""
+"""Statistics over seeds and iterations, all pure; seeds are the sample (`bpn_shared.statistics`)."""
 
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+
+from bpn_shared.statistics import mean_std, merge_seeds
 
 Curves = npt.NDArray[np.float64]
 """float64[seeds, iterations]."""
@@ -14,7 +16,9 @@ LAST = 10
 
 
 def curves(runs: Sequence[dict[str, Any]], name: str) -> Curves:
-    """A per-iteration value of several runs' records; shorter runs cut the others to their length.
+    """A per-iteration value of several runs' records, a row for each seed: runs of one seed are averaged.
+
+    Shorter runs cut the others to their length.
 
     Raises:
         ValueError: there are no runs.
@@ -22,7 +26,26 @@ def curves(runs: Sequence[dict[str, Any]], name: str) -> Curves:
     if not runs:
         raise ValueError("no runs: there is nothing to take curves of")
     shortest = min(len(run[name]) for run in runs)
-    return np.array([run[name][:shortest] for run in runs], np.float64)
+    rows = np.array([run[name][:shortest] for run in runs], np.float64)
+    return merge_seeds([run["seed"] for run in runs], rows)
+
+
+def of_seeds(records: Sequence[dict[str, Any]], values: Sequence[float]) -> npt.NDArray[np.float64]:
+    """Values of records, a mean for each of their seeds, float64[seeds]."""
+    rows = np.array(values, np.float64)[:, np.newaxis]
+    return merge_seeds([record["seed"] for record in records], rows)[:, 0]
+
+
+def count(runs: Sequence[dict[str, Any]]) -> str:
+    """How many seeds the runs have, and how many runs they are if a seed was run more than once."""
+    seeds = len({run["seed"] for run in runs})
+    return str(seeds) if seeds == len(runs) else f"{seeds} ({len(runs)} runs)"
+
+
+def plus_minus(values: npt.NDArray[np.float64], form: str = "{:.1f}", unit: str = "") -> str:
+    """Mean and spread as tables show them; one value has no spread."""
+    mean, std = mean_std(values)
+    return f"{form.format(mean)} ± {'-' if std is None else form.format(std)}{unit}"
 
 
 def full_length_shares(record: dict[str, Any]) -> list[float]:
@@ -33,25 +56,6 @@ def full_length_shares(record: dict[str, Any]) -> list[float]:
 def at_end(values: Curves, last: int = LAST) -> npt.NDArray[np.float64]:
     """Each seed's mean over its last iterations, float64[seeds]."""
     return np.asarray(values[:, -last:].mean(axis=1), np.float64)
-
-
-def mean_std(values: npt.NDArray[np.float64]) -> tuple[float, float]:
-    """Mean and population standard deviation."""
-    return float(values.mean()), float(values.std())
-
-
-def iqm(values: npt.NDArray[np.float64]) -> float:
-    """Interquartile mean: of what is left without the floor(n/4) lowest and highest.
-
-    With five seeds the mean of the middle three. Robust to one seed that failed, less noisy than a median.
-
-    Raises:
-        ValueError: there are no values.
-    """
-    if len(values) == 0:
-        raise ValueError("no values: the interquartile mean of nothing")
-    cut = len(values) // 4
-    return float(np.sort(values)[cut : len(values) - cut].mean())
 
 
 def shortfall_percent(value: float, best: float) -> float:

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, create_model
 
 from bpn_shared.config import RunConfig
-from bpn_shared.tasks import TASKS
+from bpn_shared.tasks import TASK_NAMES, TASK_PATTERN, check_task_name
 
 
 class Request(BaseModel):
@@ -20,7 +20,8 @@ def _kinds() -> dict[str, Any]:
         name: Annotated[field.annotation, *field.metadata, Field(description=field.description)]
         for name, field in RunConfig.model_fields.items()
     }
-    return kinds | {"task": Literal[tuple(TASKS)]}
+    task = Field(description=f"one of {TASK_NAMES}", json_schema_extra={"pattern": TASK_PATTERN})
+    return kinds | {"task": Annotated[str, task, AfterValidator(check_task_name)]}
 
 
 def _no_default(schema: dict[str, Any]) -> None:

@@ -15,8 +15,10 @@ from bpn_dashboard.api.problems import ApiError
 from bpn_dashboard.database.engine import Database
 from bpn_dashboard.hub.topology import Topology, TopologySnapshot
 from bpn_dashboard.registry.store import RunStore
+from bpn_dashboard.registry.workplace import ConnectedWorkers
 from bpn_dashboard.series.ingest import Ingest
 from bpn_dashboard.series.query import SeriesQueries
+from bpn_shared.runs.creation import Workplace
 from bpn_shared.service import Counters
 
 
@@ -26,6 +28,7 @@ class Context:
 
     Attributes:
         topology: who is alive and talks to whom.
+        place: the machines that will do new runs.
         obstacle: what keeps workers from being given work; None: nothing.
         secure: browsers reach the dashboard over TLS.
         open_metrics: /metrics needs no token from loopback.
@@ -35,6 +38,7 @@ class Context:
     runs: RunStore
     ingest: Ingest
     counters: Counters
+    place: Workplace = field(default_factory=ConnectedWorkers)
     topology: Callable[[], TopologySnapshot] = Topology().snapshot
     obstacle: Callable[[], str | None] = lambda: None
     secure: bool = False

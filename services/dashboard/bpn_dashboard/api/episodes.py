@@ -1,6 +1,6 @@
 """Stored episodes: what the robot saw and did, step by step."""
 
-from pathlib import Path
+import re
 from typing import Annotated
 
 from fastapi import APIRouter, Query, Response
@@ -8,7 +8,7 @@ from pydantic import BaseModel, Field
 
 from bpn_dashboard.api.context import Context, Parts, Viewer
 from bpn_dashboard.api.problems import ApiError, responses
-from bpn_dashboard.api.records import record_of
+from bpn_dashboard.api.records import number_at, record_of
 from bpn_shared.bnn.blob import BlobError
 from bpn_shared.config import RunConfig
 from bpn_shared.messages.base import MessageError
@@ -18,6 +18,7 @@ from bpn_shared.weights import decode_weights
 
 router = APIRouter(tags=["episodes"])
 
+_NAME = re.compile(r"([0-9]{6,10})-[0-9]{5,10}\.bpne")
 _COUNT = Field(ge=0, lt=2**32)
 
 
@@ -75,17 +76,20 @@ def list_episodes(
 ) -> EpisodeList:
     """The stored episodes of an iteration."""
     folder = _folder(parts, run_id)
-    names = sorted(path.name for path in (folder.path / "episodes").glob("*.bpne"))
-    first, last = (int(names[0][:6]), int(names[-1][:6])) if names else (None, None)
+    found = [match for name in folder.file_names("episodes") if (match := _NAME.fullmatch(name))]
+    iterations = [int(match[1]) for match in found]
+    first, last = (min(iterations), max(iterations)) if iterations else (None, None)
     iteration = last if query.iteration is None else query.iteration
     if iteration is None:
         return EpisodeList(iteration=None, first_iteration=None, last_iteration=None, items=[])
-    record = record_of(folder.path / "metrics.jsonl", iteration)
-    returns = record.get("returns_px", record.get("returns", [])) if record else []  # px, or gym:
+    record = record_of(folder, "metrics.jsonl", iteration)
+    returns = "returns_px" if record and "returns_px" in record else "returns"  # px, or gym:
     items = []
-    for path in sorted((folder.path / "episodes").glob(f"{iteration:06d}-*.bpne")):
+    for match in found:
+        if int(match[1]) != iteration:
+            continue
         try:
-            meta, steps = decode_meta(path.read_bytes())
+            meta, steps = decode_meta(folder.read_file(f"episodes/{match[0]}"))
         except (MessageError, OSError):  # damaged, or set aside just now
             continue
         items.append(
@@ -93,7 +97,7 @@ def list_episodes(
                 iteration=meta.iteration,
                 episode=meta.episode,
                 steps=steps,
-                episode_return=returns[meta.episode] if meta.episode < len(returns) else None,
+                episode_return=number_at(record, returns, meta.episode),
                 weights_version=meta.weights_version,
                 slot=meta.slot,
                 worker=meta.worker,
@@ -115,9 +119,10 @@ def get_episode(
     episode: Annotated[int, _COUNT],
 ) -> EpisodeSteps:
     """What an episode's robot did, and what the policy thought of it."""
-    folder, config = _folder(parts, run_id), parts.runs.folder(run_id).config()
+    folder = _folder(parts, run_id)
+    config = folder.config()
     stored = _episode(folder, config, iteration, episode)
-    scale = _scale(folder.weights_path(stored.meta.weights_version))
+    scale = _scale(folder, stored.meta.weights_version)
     waited_us = stored.camera_to_action_ns / 1e3
     return EpisodeSteps(
         steps=stored.steps,
@@ -125,7 +130,7 @@ def get_episode(
         action_names=list(config.task_spec.action_names),
         outputs=stored.outputs.tolist(),
         preferences=(stored.outputs * scale).tolist(),
-        rewards=_rewards(folder, iteration, episode),
+        rewards=_rewards(folder, iteration, episode, stored.steps),
         weights_version=stored.meta.weights_version,
         scale=scale,
         camera_to_action_us=[value or None for value in waited_us.tolist()],
@@ -173,23 +178,28 @@ def _folder(parts: Context, run_id: str) -> RunFolder:
 
 
 def _episode(folder: RunFolder, config: RunConfig, iteration: int, episode: int) -> Episode:
+    path = folder.episode_path(iteration, episode)
     try:
-        data = folder.episode_path(iteration, episode).read_bytes()
+        data = folder.read_file(str(path.relative_to(folder.path)))
         return Episode.decode(data, config.task_spec)
     except FileNotFoundError:
         raise ApiError(404, "unknown-episode", "the run has no such episode on disk") from None
+    except OSError as error:
+        raise ApiError(422, "damaged-episode", "the stored episode cannot be read") from error
     except MessageError as error:
         raise ApiError(422, "damaged-episode", f"the stored episode is damaged: {error}") from error
 
 
-def _scale(path: Path) -> float:
+def _scale(folder: RunFolder, version: int) -> float:
+    path = folder.weights_path(version)
     try:
-        return float(decode_weights(path.read_bytes()).scale)
+        return float(decode_weights(folder.read_file(str(path.relative_to(folder.path)))).scale)
     except (OSError, BlobError) as error:
         raise ApiError(422, "damaged-weights", "the episode's weights cannot be read") from error
 
 
-def _rewards(folder: RunFolder, iteration: int, episode: int) -> list[float] | None:
-    record = record_of(folder.path / "rewards.jsonl", iteration)
-    rewards = record.get("rewards_px", []) if record else []
-    return list(rewards[episode]) if episode < len(rewards) else None
+def _rewards(folder: RunFolder, iteration: int, episode: int, steps: int) -> list[float] | None:
+    record = record_of(folder, "rewards.jsonl", iteration)
+    rewards = [number_at(record, "rewards_px", episode, step) for step in range(steps)]
+    found = [reward for reward in rewards if reward is not None]
+    return found if len(found) == steps else None

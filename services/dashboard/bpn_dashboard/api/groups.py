@@ -18,12 +18,13 @@ class Group:
     Attributes:
         key: the same for the same group whatever else is shown: for colours.
         values: of the configuration keys that say which group it is.
+        seeds: of its runs, by their ids.
     """
 
     key: str
     label: str
     values: dict[str, Any]
-    run_ids: list[str]
+    seeds: dict[str, int]
 
 
 def group_runs(runs: Sequence[RunRow], group_by: GroupBy) -> list[Group]:
@@ -32,7 +33,7 @@ def group_runs(runs: Sequence[RunRow], group_by: GroupBy) -> list[Group]:
     With "all_but_seed", a group is named by those values alone in which it differs from another.
     """
     if group_by is None:
-        return [Group(run.id, run.name, {}, [run.id]) for run in runs]
+        return [Group(run.id, run.name, {}, {run.id: run.seed}) for run in runs]
     members: dict[str, list[RunRow]] = {}
     for run in runs:
         members.setdefault(_key(run, group_by), []).append(run)
@@ -46,7 +47,7 @@ def group_runs(runs: Sequence[RunRow], group_by: GroupBy) -> list[Group]:
         values = {name: group[0].config.get(name) for name in shown}
         label = " ".join(f"{name}={value}" for name, value in values.items())
         label = label or f"{group[0].task} {group[0].algorithm}"
-        groups.append(Group(key, label, values, [run.id for run in group]))
+        groups.append(Group(key, label, values, {run.id: run.seed for run in group}))
     return groups
 
 

@@ -59,6 +59,10 @@ class Run(BaseModel):
     weights_version: int | None
     summary: RunSummary
     error: str
+    waiting_reason: Annotated[
+        str, Field(description="why it makes no progress though it shall; empty if it does")
+    ]
+    waiting_since_unix_s: float | None
     notes: str
     tags: list[str]
     sweep_id: str | None
@@ -84,6 +88,7 @@ class Run(BaseModel):
                 ),
                 length=LengthSummary(last=row.length_last),
             ),
+            waiting_since_unix_s=row.waiting_since,
             archived_at_unix_s=row.archived_at,
             created_at_unix_s=row.created_at,
             updated_at_unix_s=row.updated_at,

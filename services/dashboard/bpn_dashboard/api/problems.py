@@ -4,6 +4,8 @@ Nobody outside reads an exception's text: what is not expected is "internal", an
 under the request's id.
 """
 
+import errno
+import logging
 from http import HTTPStatus
 from typing import Annotated, Any, Self
 
@@ -11,7 +13,7 @@ from fastapi import FastAPI, Request
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import Response
 from pydantic import BaseModel, Field
-from sqlalchemy.exc import DataError
+from sqlalchemy.exc import DataError, OperationalError
 from starlette.exceptions import HTTPException
 
 from bpn_dashboard.registry.errors import (
@@ -23,6 +25,9 @@ from bpn_dashboard.registry.errors import (
     UnknownSweepError,
 )
 from bpn_shared.config import ConfigError
+from bpn_shared.runs.opening import ForeignFileError
+
+log = logging.getLogger(__name__)
 
 MEDIA_TYPE = "application/problem+json"
 _TYPE = "urn:bpn:problem:"
@@ -63,6 +68,7 @@ class ApiError(Exception):
         self.headers = headers
 
 
+_FULL = (errno.ENOSPC, errno.EDQUOT)
 _EXPECTED: dict[type[Exception], tuple[int, str]] = {
     UnknownRunError: (404, "unknown-run"),
     UnknownSweepError: (404, "unknown-sweep"),
@@ -86,11 +92,29 @@ def problem_of(error: Exception) -> Problem:
     """The problem that an exception of the registry or of this API is."""
     if isinstance(error, ApiError):
         return error.problem
+    if isinstance(error, OSError | OperationalError):
+        return _storage_problem(error)
     status, kind = _EXPECTED[type(error)]
     return Problem.of(status, kind, printable(str(error)))
 
 
-EXPECTED_ERRORS: tuple[type[Exception], ...] = (ApiError, *_EXPECTED)
+def _storage_problem(error: OSError | OperationalError) -> Problem:
+    """Why a file or the database could not be read or written; paths are nobody's business."""
+    if isinstance(error, ForeignFileError):
+        detail = "a link or another program's file stands in the run's folder where a file of its own belongs"
+        return Problem.of(409, "foreign-file", detail)
+    text = str(error.orig) if isinstance(error, OperationalError) else error.strerror or ""
+    if getattr(error, "errno", None) in _FULL or "disk is full" in text:
+        detail = "the disk is full: nothing was changed. Make room, then try again"
+        return Problem.of(507, "disk-full", detail)
+    if isinstance(error, OperationalError):
+        detail = "the database cannot be used now; the server's log has the reason. Try again"
+        return Problem.of(503, "database", detail)
+    detail = f"the run's folder cannot be used ({text}): nothing was changed"
+    return Problem.of(507, "storage", detail)
+
+
+EXPECTED_ERRORS: tuple[type[Exception], ...] = (ApiError, OSError, OperationalError, *_EXPECTED)
 
 
 def install(app: FastAPI) -> None:
@@ -101,6 +125,8 @@ def install(app: FastAPI) -> None:
 
     async def expected(request: Request, error: Exception) -> Response:
         headers = error.headers if isinstance(error, ApiError) else None
+        if isinstance(error, OSError | OperationalError):
+            log.warning("request %s: %s", request_id(request), error)
         return problem_response(problem_of(error), request_id(request), headers)
 
     async def http(request: Request, error: HTTPException) -> Response:
@@ -111,7 +137,10 @@ def install(app: FastAPI) -> None:
     async def invalid(request: Request, error: RequestValidationError) -> Response:
         problem = Problem.of(422, "invalid-request", "the request has wrong values")
         problem.errors = [
-            FieldError(location=_location(item["loc"]), message=printable(item["msg"]))
+            FieldError(
+                location=_location(item["loc"]),
+                message=printable(item["msg"]).removeprefix("Value error, "),
+            )
             for item in error.errors()[:_MAX_ERRORS]
         ]
         return problem_response(problem, request_id(request))
@@ -131,6 +160,7 @@ def install(app: FastAPI) -> None:
     app.add_exception_handler(HTTPException, http)  # type: ignore[arg-type] # Starlette types handlers too wide
     app.add_exception_handler(RequestValidationError, invalid)  # type: ignore[arg-type]
     app.add_exception_handler(DataError, unstorable)  # servers are stricter than SQLite
+    app.add_exception_handler(OverflowError, unstorable)
     app.add_exception_handler(Exception, unexpected)
 
 

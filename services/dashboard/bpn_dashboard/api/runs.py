@@ -1,5 +1,7 @@
 """Runs: list, start, annotate, stop, resume, archive."""
 
+from collections.abc import Callable
+from functools import partial
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Header, Query, Response
@@ -19,8 +21,9 @@ from bpn_dashboard.api.models import (
     RunPatch,
 )
 from bpn_dashboard.api.problems import EXPECTED_ERRORS, ApiError, Problem, problem_of, responses
-from bpn_shared.config import PRESETS, RunConfig
-from bpn_shared.tasks import TASKS, Task
+from bpn_shared.config import PRESETS, RunConfig, preset_of
+from bpn_shared.runs.creation import configure
+from bpn_shared.tasks import GYM_PREFIX, TASKS, Task
 
 router = APIRouter(tags=["runs"])
 
@@ -49,7 +52,7 @@ class TaskChoice(BaseModel):
 
 
 class ConfigSchema(BaseModel):
-    """What a run's configuration may hold."""
+    """What a run's configuration may hold. The preset "gym:" is of every Gymnasium environment that has none."""
 
     schema_: dict[str, Any]
     presets: dict[str, dict[str, Any]]
@@ -78,7 +81,7 @@ def config_schema(_who: Viewer) -> ConfigSchema:
     """The schema of configurations, the paper's values per task, and the defaults."""
     return ConfigSchema(
         schema_=RunConfig.model_json_schema(),
-        presets=PRESETS,
+        presets={GYM_PREFIX: preset_of(GYM_PREFIX)} | PRESETS,
         tasks=[TaskChoice.of(task) for task in TASKS.values()],
         defaults=RunConfig().model_dump(),
     )
@@ -116,10 +119,9 @@ def create_run(
     who: Operator, parts: Parts, response: Response, body: RunNew, key: IdempotencyKey = None
 ) -> Run:
     """Puts a new run into the queue for workers."""
-    changes = body.config.model_dump(exclude_unset=True)
-    config = RunConfig.for_task(changes.pop("task"), **changes)
 
     def create() -> str:
+        config = configure(body.config.model_dump(exclude_unset=True), parts.place)
         row = parts.runs.create(
             config, name=body.name, notes=body.notes, tags=body.tags, actor=who.name
         )
@@ -176,7 +178,7 @@ def stop_run(who: Operator, parts: Parts, response: Response, run_id: str) -> Ru
 @router.post("/runs/{run_id}/resume", operation_id="resumeRun", responses=responses(404, 409))
 def resume_run(who: Operator, parts: Parts, response: Response, run_id: str) -> Run:
     """Lets workers go on with the run from where it stands."""
-    parts.runs.request_resume(run_id, who.name)
+    _resume(parts, run_id, who.name)
     return _answer(parts, response, run_id)
 
 
@@ -216,17 +218,24 @@ def config_diff(_who: Viewer, parts: Parts, run_id: str, other: str) -> ConfigDi
 
 
 def _one_of_many(parts: Context, who: Identity, action: str, run_id: str) -> BulkResult:
-    act = {
+    acts: dict[str, Callable[[str, str], object]] = {
         "stop": parts.runs.request_stop,
-        "resume": parts.runs.request_resume,
+        "resume": partial(_resume, parts),
         "archive": parts.runs.archive,
         "unarchive": parts.runs.unarchive,
-    }[action]
+    }
     try:
-        act(run_id, who.name)
+        acts[action](run_id, who.name)
     except EXPECTED_ERRORS as error:
         return BulkResult(id=run_id, ok=False, problem=problem_of(error))
     return BulkResult(id=run_id, ok=True)
+
+
+def _resume(parts: Context, run_id: str, actor: str) -> None:
+    """What a new run would be refused for, one that goes on is refused for."""
+    parts.runs.get(run_id)
+    parts.place.check(parts.runs.folder(run_id).config())
+    parts.runs.request_resume(run_id, actor)
 
 
 def _answer(parts: Context, response: Response, run_id: str) -> Run:

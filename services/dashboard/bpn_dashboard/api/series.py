@@ -84,10 +84,14 @@ class SeriesShown(BaseModel):
     label: str
     group: dict[str, Any]
     run_ids: list[str]
+    seeds: Annotated[
+        int,
+        Field(description="of these runs; fewer than runs: those of one seed are averaged first"),
+    ]
     n_points: Annotated[int, Field(description="points that the curve was made of")]
     bucket: Annotated[float, Field(description="width of a bucket in x; 0: points as they are")]
     x: list[float]
-    n: Annotated[list[float], Field(description="runs that count at this x")]
+    n: Annotated[list[float], Field(description="seeds that count at this x")]
     value: list[float | None]
     low: list[float | None]
     high: list[float | None]
@@ -129,7 +133,7 @@ def query_series(_who: Viewer, parts: Parts, request: Request, body: SeriesQuery
     limits = None if body.range is None else (body.range[0], body.range[1])
     view = View(body.x, limits, body.max_points, body.statistic, body.band)
     seq = parts.series.revision()
-    found = parts.series.query([group.run_ids for group in groups], body.metrics, view)
+    found = parts.series.query([group.seeds for group in groups], body.metrics, view)
     owners = [group for group in groups for _ in body.metrics]
     headers = [_header(*both) for both in zip(owners, found, strict=True)]
     curves = [{name: getattr(series.curve, name) for name in _COLUMNS} for series in found]
@@ -186,6 +190,7 @@ def _header(group: Group, series: Series) -> dict[str, Any]:
         "label": group.label,
         "group": group.values,
         "run_ids": series.run_ids,
+        "seeds": series.seeds,
         "n_points": series.n_points,
         "bucket": series.bucket,
     }

@@ -35,7 +35,7 @@ class LinkNew(Body):
     role: Role = "operator"
 
 
-class Link(BaseModel):
+class SignInLink(BaseModel):
     """What follows `#token=` in the link."""
 
     token: str
@@ -113,12 +113,12 @@ def log_out(who: Viewer, parts: Parts, response: Response) -> None:
 
 
 @router.post("/links", operation_id="createLink", status_code=201, responses=responses(422))
-def create_link(who: Operator, parts: Parts, body: LinkNew) -> Link:
+def create_link(who: Operator, parts: Parts, body: LinkNew) -> SignInLink:
     """A token that logs in one browser once, within a day: open the dashboard with #token=TOKEN."""
     if not who.may(body.role):
         raise ApiError(403, "role", f"a link for {body.role} needs that role; yours is {who.role}")
     _, secret = parts.tokens.issue("link", who.name, body.role, lifetime_s=LINK_S, actor=who.name)
-    return Link(token=secret, role=body.role)
+    return SignInLink(token=secret, role=body.role)
 
 
 @router.get("/tokens", operation_id="listTokens")

@@ -4,7 +4,6 @@ from collections import defaultdict
 from collections.abc import Sequence
 from typing import Annotated, Any, Literal
 
-import numpy as np
 from fastapi import APIRouter, Query, Response
 from pydantic import BaseModel, Field
 
@@ -16,6 +15,7 @@ from bpn_dashboard.api.models import MetricName, Sweep, SweepNew
 from bpn_dashboard.api.problems import responses
 from bpn_dashboard.database.tables import RunRow, SweepRow
 from bpn_dashboard.registry.query import RunFilter
+from bpn_shared.statistics import over_seeds
 from bpn_shared.tasks import return_metric
 
 router = APIRouter(tags=["sweeps"])
@@ -45,11 +45,11 @@ class HeatmapAxis(BaseModel):
 
 
 class HeatmapCell(BaseModel):
-    """The runs with these two values. `std` is the sample's; null of a single run."""
+    """The runs with these two values, those of one seed averaged first; `std` is the sample's, null of one."""
 
     x: Any
     y: Any
-    n: int
+    n: Annotated[int, Field(description="seeds")]
     mean: float
     std: float | None
     run_ids: list[str]
@@ -73,7 +73,7 @@ class _Axes(BaseModel):
     ] = None
     value: Annotated[
         Literal["best_mean", "last_mean"],
-        Field(description="mean over runs of each run's largest, or newest, value"),
+        Field(description="mean over seeds of each run's largest, or newest, value"),
     ] = "last_mean"
 
 
@@ -106,7 +106,10 @@ def create_sweep(
     def create() -> str:
         config = body.config.model_dump(exclude_unset=True)
         grid = body.grid.model_dump(exclude_unset=True)
-        return parts.runs.create_sweep(body.name, config, grid, body.seeds, who.name).id
+        sweep = parts.runs.create_sweep(
+            body.name, config, grid, body.seeds, actor=who.name, place=parts.place
+        )
+        return sweep.id
 
     sweep_id = once(parts.database, who, "createSweep", key, body, make=create)
     response.headers["Location"] = f"/api/v1/sweeps/{sweep_id}"
@@ -165,11 +168,12 @@ def _heatmap(parts: Context, runs: RunFilter, query: _Axes) -> Heatmap:
             cells[row.config[query.x], row.config[query.y]].append(row)
     shown = []
     for (x, y), members in cells.items():
-        values = np.array([getattr(ends[row.id], query.value[:4]) for row in members])
+        values = [getattr(ends[row.id], query.value[:4]) for row in members]
+        found = over_seeds([row.seed for row in members], values)
         shown.append(
             HeatmapCell(
-                x=x, y=y, n=len(members), run_ids=[row.id for row in members],
-                mean=values.mean(), std=values.std(ddof=1) if len(values) > 1 else None,
+                x=x, y=y, n=found.seeds, mean=found.mean, std=found.std,
+                run_ids=[row.id for row in members],
             )
         )  # fmt: skip
     return Heatmap(

@@ -78,6 +78,9 @@ class RunRow(Base):
     return_mean_last_5: Mapped[float | None]
     length_last: Mapped[float | None]
     error: Mapped[str]
+    waiting_reason: Mapped[str] = mapped_column(default="", server_default="")
+    """Why it makes no progress though it shall; empty if it does."""
+    waiting_since: Mapped[float | None]
 
     notes: Mapped[str]
     tags: Mapped[list[str]]

@@ -9,6 +9,7 @@ from pathlib import Path
 import orjson
 
 from bpn_shared import log_lines
+from bpn_shared.runs.tail import Tail, near_end
 
 PERIOD_S = 0.5
 BACKLOG_BYTES = 64 * 1024
@@ -42,30 +43,18 @@ class _Entry:
 class _File:
     """What was read of one file so far."""
 
-    def __init__(self, path: Path) -> None:
-        self._path = path
-        self._offset = max(0, path.stat().st_size - BACKLOG_BYTES)
-        self._skip_first = self._offset > 0  # it begins within a line
+    def __init__(self, path: Path, root: Path) -> None:
+        self._tail = Tail(path, near_end(path, BACKLOG_BYTES, root=root), root=root)
         self._level, self._service = "INFO", path.stem
 
     def new_entries(self) -> list[_Entry]:
         """What the whole lines say that were added."""
-        if self._path.stat().st_size < self._offset:
-            self._offset = 0  # begun anew
-        with self._path.open("rb") as file:
-            file.seek(self._offset)
-            data = file.read(_MAX_READ_BYTES)
-        end = data.rfind(b"\n") + 1
-        if end == 0 and len(data) == _MAX_READ_BYTES:
-            end = len(data)  # no line is that long
+        growth = self._tail.read(_MAX_READ_BYTES)
         entries: list[_Entry] = []
-        for raw in io.BytesIO(data[:end]):
-            offset = self._offset
-            self._offset += len(raw)
-            if self._skip_first:
-                self._skip_first = False
-                continue
+        offset = growth.offset
+        for raw in io.BytesIO(growth.data):
             self._add(entries, offset, raw.rstrip(b"\r\n").decode(errors="replace"))
+            offset += len(raw)
         return entries
 
     def _add(self, entries: list[_Entry], offset: int, text: str) -> None:
@@ -75,15 +64,19 @@ class _File:
         elif entries:
             entries[-1].lines.append(text)
             return
-        name = f"{self._path.stem}:{offset}"
+        name = f"{self._tail.path.stem}:{offset}"
         entries.append(_Entry(name, line.time_unix_s, self._level, self._service, [line.message]))
 
 
 class LogTail:
-    """What is added to all `*.log` files in a folder; what one look finds is sorted by time."""
+    """What is added to all `*.log` files in a folder; what one look finds is sorted by time.
 
-    def __init__(self, folder: Path) -> None:
-        self._folder = folder
+    Args:
+        root: a directory above it, between which and the files no link is followed.
+    """
+
+    def __init__(self, folder: Path, root: Path | None = None) -> None:
+        self._folder, self._root = folder, root or folder
         self._files: dict[Path, _File] = {}
 
     def new_entries(self) -> list[bytes]:
@@ -91,20 +84,22 @@ class LogTail:
         entries: list[tuple[float, _Entry]] = []
         for path in sorted(self._folder.glob("*.log")):
             try:
-                file = self._files.setdefault(path, _File(path))
+                if path not in self._files:
+                    self._files[path] = _File(path, self._root)
+                file = self._files[path]
                 time_unix_s = 0.0
                 for entry in file.new_entries():
                     time_unix_s = entry.time_unix_s or time_unix_s
                     entries.append((time_unix_s, entry))
-            except FileNotFoundError:  # removed in between
+            except OSError:  # removed in between, or no file of the run's own
                 self._files.pop(path, None)
         entries.sort(key=lambda timed: timed[0])
         return [entry.encode() for _, entry in entries]
 
 
-def follow(folder: Path, put: Callable[[bytes], None]) -> Callable[[], None]:
+def follow(folder: Path, put: Callable[[bytes], None], root: Path) -> Callable[[], None]:
     """Puts every new line until the returned function is called; reads on a thread of the loop's pool."""
-    tail = LogTail(folder)
+    tail = LogTail(folder, root)
 
     async def read() -> None:
         while True:

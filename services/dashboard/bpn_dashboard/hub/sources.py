@@ -64,7 +64,7 @@ def sources(bus: Bus, runs_dir: Path, topology: Topology, counters: Counters) ->
         folder = RunFolder(runs_dir / str(topic.run))
         if not folder.path.is_dir():
             raise ProtocolError(f"no run {topic.run} in {runs_dir}")
-        return log_tail.follow(folder.logs, put)
+        return log_tail.follow(folder.logs, put, runs_dir)
 
     def open_topology(_topic: Topic, put: Put) -> Close:
         return _every(1 / DELIVERY["topology"].rate_hz, lambda: put(topology))

@@ -3,25 +3,30 @@
 The database has the same; this copy lets it be rebuilt. The registry alone writes it.
 """
 
+import contextlib
+import json
 from pathlib import Path
 from typing import Annotated, Any, Self
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 
 from bpn_dashboard.database.tables import RunRow, SweepRow
 from bpn_dashboard.registry.states import DesiredState
 from bpn_shared.config import ConfigError
 from bpn_shared.runs.files import write_atomically
 from bpn_shared.runs.folder import RunFolder
+from bpn_shared.runs.opening import read_file
 
+_FILE = "about.json"
 SWEEPS = "sweeps"
 """Folder of the sweeps' files, beside the run folders."""
+_OBJECT: TypeAdapter[dict[str, Any]] = TypeAdapter(dict[str, Any])
 
 
 class About(BaseModel):
-    """The mirrored columns of `RunRow`."""
+    """The mirrored columns of `RunRow`. What another version wrote beside them stays in the file."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid", from_attributes=True)
+    model_config = ConfigDict(frozen=True, extra="ignore", from_attributes=True)
 
     name: str = ""
     notes: str = ""
@@ -39,19 +44,24 @@ class About(BaseModel):
         Raises:
             ConfigError: the file is damaged.
         """
-        path = _path(folder)
         try:
-            return cls.model_validate_json(path.read_bytes())
+            return cls.model_validate_json(folder.read_file(_FILE))
         except FileNotFoundError:
             return cls()
         except (OSError, ValidationError) as error:
-            raise ConfigError(f"{path}: {error}") from error
+            raise ConfigError(f"{folder.path / _FILE}: {error}") from error
+
+    def columns(self) -> dict[str, Any]:
+        """The columns but for the name, which may be left to be made up."""
+        return self.model_dump(exclude={"name"})
 
     @classmethod
     def write(cls, folder: RunFolder, row: RunRow) -> None:
         """Mirrors the row."""
-        about = cls.model_validate(row)
-        write_atomically(_path(folder), about.model_dump_json(indent=2).encode())
+        about = cls.model_validate(row).model_dump()
+        with contextlib.suppress(OSError, ValidationError):
+            about = _OBJECT.validate_json(folder.read_file(_FILE)) | about
+        folder.write(_FILE, json.dumps(about, indent=2).encode())
 
 
 class SweepFile(BaseModel):
@@ -69,23 +79,25 @@ class SweepFile(BaseModel):
     @classmethod
     def write(cls, runs_dir: Path, row: SweepRow) -> None:
         """Mirrors the row."""
-        folder = runs_dir / SWEEPS
-        folder.mkdir(parents=True, exist_ok=True)
+        path = cls.path(runs_dir, row.id)
+        path.parent.mkdir(parents=True, exist_ok=True)
         data = cls.model_validate(row).model_dump_json(indent=2).encode()
-        write_atomically(folder / f"{row.id}.json", data)
+        write_atomically(path, data, root=runs_dir)
+
+    @staticmethod
+    def path(runs_dir: Path, sweep_id: str) -> Path:
+        """Of a sweep's file."""
+        return runs_dir / SWEEPS / f"{sweep_id}.json"
 
     @classmethod
-    def read(cls, path: Path) -> SweepRow:
-        """The row that the file mirrors.
+    def read(cls, runs_dir: Path, name: str) -> SweepRow:
+        """The row that a file of that name, in the folder of the sweeps, mirrors.
 
         Raises:
             ConfigError: the file is damaged.
         """
         try:
-            return SweepRow(**cls.model_validate_json(path.read_bytes()).model_dump())
+            data = read_file(runs_dir, f"{SWEEPS}/{name}")
+            return SweepRow(**cls.model_validate_json(data).model_dump())
         except (OSError, ValidationError) as error:
-            raise ConfigError(f"{path}: {error}") from error
-
-
-def _path(folder: RunFolder) -> Path:
-    return folder.path / "about.json"
+            raise ConfigError(f"{runs_dir / SWEEPS / name}: {error}") from error

@@ -1,56 +1,44 @@
-"""The registry on the bus: gives leases, takes them back, and keeps the rows what the folders and tokens say.
+"""The registry's rounds: keeps the rows what folders and tokens say, gives runs up, has workers let go.
 
 Nothing here must survive: what is wanted stands in the database, who works where in the tokens.
 """
 
 import logging
+import shutil
 import threading
 import time
-from collections.abc import Iterable, Sequence
-from typing import NamedTuple
-from uuid import UUID
-
-from pydantic import TypeAdapter
+from collections.abc import Iterable, Mapping, Sequence
 
 from bpn_dashboard.database.tables import RunRow
-from bpn_dashboard.registry.crash_loops import CrashLoops
-from bpn_dashboard.registry.leases import Demand, LeaseBook, Place
+from bpn_dashboard.registry.admission import recorded
+from bpn_dashboard.registry.desk import LeaseDesk
+from bpn_dashboard.registry.leases import Place
 from bpn_dashboard.registry.observer import Observer
 from bpn_dashboard.registry.query import RunFilter
+from bpn_dashboard.registry.releases import Releases
+from bpn_dashboard.registry.stalls import Stalls
 from bpn_dashboard.registry.states import OVER, is_busy
-from bpn_dashboard.registry.store import RunStore
+from bpn_dashboard.registry.store import Changes, RunStore
+from bpn_dashboard.registry.versions import Refused
 from bpn_shared import keys
 from bpn_shared.bus.liveliness import TokenWatch
 from bpn_shared.bus.requests import NoReplyError, RefusedError, Responder, request
 from bpn_shared.bus.session import Bus
-from bpn_shared.config import ConfigError
-from bpn_shared.messages.lease import LeaseReply, LeaseRequest, Release, Role
+from bpn_shared.bus.telemetry import TelemetryWatch
 from bpn_shared.service import Counters
 
 log = logging.getLogger(__name__)
 
 PERIOD_S = 0.25
 ADOPT_S = 5.0
-RETRY_S = 0.3
-"""When an idle worker shall ask again."""
-SETTLE_S = 1.5
-"""After the router was reached: until then tokens may be on their way back."""
-SURELY_DEAD_S = 1.0
-"""After a learner's lease has gone: whether it gave it back or died is then known."""
-_ROLE: TypeAdapter[Role] = TypeAdapter(Role)
+STALLS_S = 1.0
 _NOT_OVER = ("queued", "running", "stopping", "stopped", "lost")
-_RELEASE_TIMEOUT_S = 1.0
-_RELEASE_AGAIN_S = 1.0
+_PROBE_S, _PROBE_AGAIN_S = 2.0, 10.0
+_SILENT_S = 45.0
+"""A learner that says nothing for so long, though its token is there, loses its place to an idle one."""
 _SERVED_WITHIN_S = 15.0
-"""A round waits at most a second for each worker that does not let go; longer, and something is wrong."""
-
-
-class _Lost(NamedTuple):
-    """A learner whose token went while its run was not over."""
-
-    run: UUID
-    worker: str
-    at_s: float
+"""A round reads folders, which may be slow; longer, and something is wrong."""
+_LEAST_FREE_BYTES = 64 * 1024 * 1024
 
 
 class Dispatcher:
@@ -58,38 +46,55 @@ class Dispatcher:
 
     Args:
         counters: refused requests are counted here.
+        leading: false: another registry serves this router; runs are watched, nothing is done to them.
     """
 
-    def __init__(self, bus: Bus, store: RunStore, counters: Counters) -> None:
-        self._bus, self._store = bus, store
-        self._lock = threading.Lock()  # of the book, the living and the lost, and what has changed
-        self._book = LeaseBook()
-        self._alive: set[str] = set()
-        self._lost: list[_Lost] = []
-        self._router = ""
+    def __init__(
+        self, bus: Bus, store: RunStore, counters: Counters, *, leading: bool = True
+    ) -> None:
+        self._bus, self._store, self._counters = bus, store, counters
+        self._leading = leading
+        self._lock = threading.Lock()
+        self._changed: dict[str, RunRow] = {}
         self._news = threading.Event()
         self._closed = threading.Event()
-        self._changed: dict[str, RunRow] = {}
+        self._desk = LeaseDesk(store.folder, self._news.set, counters)
         self._rows: dict[str, RunRow] = {}  # of runs that are not over
         self._observers: dict[str, Observer] = {}
-        self._released_s: dict[tuple[Place, str], float] = {}
-        self._crash_loops = CrashLoops()
-        self._given_up: dict[str, str] = {}
-        self._adopt_at_s = 0.0
+        self._stalls = Stalls()
+        self._releases = Releases(bus)
+        self._probed_s: dict[str, float] = {}
+        self._adopt_at_s = self._stalls_at_s = 0.0
         self._served_s = time.monotonic()
         self._thread = threading.Thread(target=self._run, name="dispatcher", daemon=True)
-        self._counters = counters
 
     def start(self) -> None:
         """Begins; workers get leases once the tokens of those that work already have been told."""
         self._store.subscribe(self._take_changes)
         self._take_changes(self._store.find(RunFilter(states=_NOT_OVER, archived=None)))
-        self._declared = (
-            TokenWatch(self._bus, keys.live("*", "*"), self._on_worker),
-            TokenWatch(self._bus, keys.lease("*", "*", "*", "*"), self._on_lease),
-            Responder(self._bus, keys.lease_request(), self._on_request, self._counters),
+        self._desk.on_router(self._bus.router)
+        self._watches = (
+            TokenWatch(self._bus, keys.live("*", "*"), self._desk.on_worker),
+            TokenWatch(self._bus, keys.lease("*", "*", "*", "*"), self._desk.on_lease),
+            TelemetryWatch(self._bus, self._stalls.hear, Counters()),  # the hub counts what is none
         )
+        self._responder = self._respond() if self._leading else None
         self._thread.start()
+
+    def _respond(self) -> Responder:
+        return Responder(self._bus, keys.lease_request(), self._answer, self._counters)
+
+    def _answer(self, body: bytes) -> bytes:
+        self._desk.on_router(self._bus.router)
+        return self._desk.answer(body)
+
+    def lead(self, leading: bool) -> None:
+        """Begins or ceases to serve workers."""
+        if leading != self._leading:
+            self._desk.settle()
+            self._leading = leading
+            self._responder = self._respond() if leading else None
+            self._news.set()
 
     def close(self) -> None:
         """Ends the thread; workers go on with what they have."""
@@ -97,6 +102,7 @@ class Dispatcher:
         self._news.set()
         if self._thread.is_alive():
             self._thread.join(10.0)
+        self._releases.close()
 
     @property
     def alive(self) -> bool:
@@ -104,72 +110,14 @@ class Dispatcher:
         served = time.monotonic() - self._served_s < _SERVED_WITHIN_S
         return served and self._thread.is_alive()
 
-    # On other threads
+    def refused(self) -> list[Refused]:
+        """The workers that ask for work and cannot be used."""
+        return self._desk.refused()
 
     def _take_changes(self, rows: Sequence[RunRow]) -> None:
         with self._lock:
             _keep_newest(self._changed, rows)
         self._news.set()
-
-    def _on_worker(self, key: str, appeared: bool) -> None:
-        _, worker = keys.worker_of(key)
-        with self._lock:
-            if appeared:
-                self._alive.add(worker)
-            else:
-                self._alive.discard(worker)
-                self._book.gone(worker)
-
-    def _on_lease(self, key: str, appeared: bool) -> None:
-        *_, run, role, slot, worker = key.split("/")
-        try:
-            place = Place(UUID(run), _ROLE.validate_python(role), int(slot))
-        except ValueError:
-            self._counters.refuse("tokens_refused", f"{key} is no lease's token")
-            return
-        now_s = time.monotonic()
-        with self._lock:
-            if appeared:
-                self._book.appeared(place, worker, now_s)
-            else:
-                self._book.vanished(place, worker, now_s)
-                if place.role == "learner" and self._recorded_state(place.run) == "running":
-                    self._lost.append(_Lost(place.run, worker, now_s))
-        self._news.set()
-
-    def _on_request(self, body: bytes) -> bytes:
-        asked = LeaseRequest.decode(body)
-        now_s = time.monotonic()
-        with self._lock:
-            self._check_router(now_s)
-            place = self._book.ask(asked.role, asked.worker, asked.label, now_s, self._admits)
-        if place is None:
-            return LeaseReply(verdict="wait", retry_s=RETRY_S).encode()
-        log.info("%s gets %s %d of run %s", asked.worker, place.role, place.slot, place.run)
-        return LeaseReply(verdict="lease", run=str(place.run), slot=place.slot).encode()
-
-    def _admits(self, place: Place) -> bool:
-        """Whether the run may be worked on, as its folder says now."""
-        state = self._recorded_state(place.run)
-        if state is None or state in OVER:
-            return False
-        if place.role != "learner" or not self._store.folder(str(place.run)).is_owned():
-            return True
-        # Its owner is a worker of ours that wants others beside it, or else somebody of whom we know nothing.
-        return place != place.learner and self._book.holder(place.learner) is not None
-
-    def _recorded_state(self, run: UUID) -> str | None:
-        try:
-            return self._store.folder(str(run)).state().state
-        except ConfigError:
-            return None
-
-    def _check_router(self, now_s: float) -> None:
-        router = self._bus.router
-        if router != self._router:
-            self._router = router
-            self._book.quiet(now_s + SETTLE_S)
-            self._lost.clear()  # it was the router that they lost
 
     # On the dispatcher's thread
 
@@ -190,41 +138,60 @@ class Dispatcher:
             self._store.adopt()
             self._take_changes(self._store.changed_folders())
             self._adopt_at_s = now_s + ADOPT_S
-        self._count_deaths(now_s)
+        self._desk.on_router(self._bus.router)
+        self._note_losses()
+        self._desk.count_deaths(now_s)
         self._observe()
-        self._release(now_s)
+        if now_s >= self._stalls_at_s:
+            self._observe_stalls(now_s)
+            self._stalls_at_s = now_s + STALLS_S
+        if self._leading:
+            self._depose_silent(now_s)
+            leases = self._desk.to_release(now_s)
+            self._releases.tell((place, worker, self._reason(place)) for place, worker in leases)
+
+    def _note_losses(self) -> None:
+        """Writes down how far runs have come whose learners are gone, before others bring them on."""
+        for loss in self._desk.unnoted():
+            run_id = str(loss.run)
+            state = recorded(self._store.folder(run_id))
+            running = run_id in self._rows and state is not None and state.state == "running"
+            self._desk.note(loss, self._observer(run_id).iteration() if running else None)
 
     def _observe(self) -> None:
         with self._lock:
             changed, self._changed = self._changed, {}
-            self._check_router(time.monotonic())
-            held = {str(run) for run in self._book.runs()}
-            owned = {
-                run_id for run_id in held
-                if self._book.is_confirmed(Place(UUID(run_id), "learner", 0))
-            }  # fmt: skip
         _keep_newest(self._rows, changed.values())
+        held, owned = self._desk.occupation()
+        given_up = self._desk.given_up()
         busy = {run_id for run_id, row in self._rows.items() if is_busy(row.state)}
         seen = {}
-        for run_id in changed.keys() | held | busy | self._given_up.keys():
+        for run_id in changed.keys() | held | busy | given_up.keys():
             if (row := self._rows.get(run_id)) is not None:
-                columns = self._observer(run_id).columns(
-                    row, owned=run_id in owned, give_up=self._given_up.get(run_id)
+                seen[run_id] = self._observer(run_id).columns(
+                    row, owned=run_id in owned, give_up=given_up.get(run_id), record=self._leading
                 )
-                if any(getattr(row, key) != value for key, value in columns.items()):
-                    seen[run_id] = columns
-        if seen:
-            _keep_newest(self._rows, self._store.observe(seen))
-        if changed or seen:
+        if self._store_seen(seen) or changed or given_up:
             for run_id in [run_id for run_id, row in self._rows.items() if row.state in OVER]:
                 self._forget(run_id)
             self._demand()
 
+    def _store_seen(self, seen: Mapping[str, Changes]) -> bool:
+        """Stores the columns that have changed; whether any have."""
+        news = {
+            run_id: columns
+            for run_id, columns in seen.items()
+            if any(getattr(self._rows[run_id], key) != value for key, value in columns.items())
+        }
+        if news:
+            _keep_newest(self._rows, self._store.observe(news))
+        return bool(news)
+
     def _forget(self, run_id: str) -> None:
         del self._rows[run_id]
         self._observers.pop(run_id, None)
-        self._given_up.pop(run_id, None)
-        self._crash_loops.forget(UUID(run_id))
+        self._stalls.forget(run_id)
+        self._desk.forget(run_id)
 
     def _observer(self, run_id: str) -> Observer:
         if run_id not in self._observers:
@@ -235,46 +202,55 @@ class Dispatcher:
         wanted = [
             row for row in self._rows.values()
             if row.desired_state == "running" and row.archived_at is None
-            and row.id not in self._given_up
         ]  # fmt: skip
-        wanted.sort(key=lambda row: (row.created_at, row.id))
-        with self._lock:
-            self._book.demand(
-                [
-                    Demand(UUID(row.id), row.config["robots"], row.config.get("learners", 1))
-                    for row in wanted
-                ]
-            )
+        self._desk.demand(sorted(wanted, key=lambda row: (row.created_at, row.id)))
 
-    def _count_deaths(self, now_s: float) -> None:
-        with self._lock:
-            due = [lost for lost in self._lost if now_s - lost.at_s > SURELY_DEAD_S]
-            self._lost = [lost for lost in self._lost if lost not in due]
-            alive = set(self._alive) if due else set()
-        for lost in due:
-            row = self._rows.get(str(lost.run))
-            if lost.worker in alive or row is None or row.desired_state == "stopped":
-                continue  # it gave the run back, or the run is over
-            log.warning("learner %s of run %s died", lost.worker, lost.run)
-            reason = self._crash_loops.died(lost.run, lost.worker, row.iteration)
-            if reason is not None:
-                self._given_up[row.id] = reason
-                self._demand()
+    def _observe_stalls(self, now_s: float) -> None:
+        self._stalls.read()
+        # An owner whose token is gone may be frozen or cut off, and is spoken of as silent.
+        owners = {observer.owner for observer in self._observers.values()}
+        for worker in self._stalls.workers() - self._desk.alive() - owners:
+            self._stalls.gone(worker)
+        elsewhere = {
+            run_id: observer.owner if (observer := self._observers.get(run_id)) is not None
+            and observer.elsewhere else None for run_id in self._rows
+        }  # fmt: skip
+        connected = self._bus.connected
+        router = "" if connected else f"the router at {self._bus.endpoint} is not reached"
+        known = self._desk.around(elsewhere, router, self._disk())
+        self._store_seen(
+            {run: self._stalls.columns(self._rows[run], known[run], now_s) for run in known}
+        )
 
-    def _release(self, now_s: float) -> None:
-        with self._lock:
-            leases = self._book.to_release(now_s)
-        self._released_s = {key: t for key, t in self._released_s.items() if key in leases}
-        for place, worker in leases:
-            if now_s - self._released_s.get((place, worker), -_RELEASE_AGAIN_S) < _RELEASE_AGAIN_S:
+    def _disk(self) -> str:
+        try:
+            free_bytes = shutil.disk_usage(self._store.runs_dir).free
+        except OSError as error:
+            return f"the folder of the runs cannot be looked at: {error.strerror}"
+        if free_bytes >= _LEAST_FREE_BYTES:
+            return ""
+        return f"the disk of the runs is nearly full: {free_bytes // 2**20} MiB are left"
+
+    def _depose_silent(self, now_s: float) -> None:
+        """Gives up learners that have a token and say nothing, where another could take their place."""
+        for place, worker in self._desk.replaceable(now_s):
+            silent_s = self._stalls.silent_s(place.run, worker, now_s)
+            if silent_s is None or silent_s < _SILENT_S or self._answers(worker, now_s):
                 continue
-            self._released_s[place, worker] = now_s
-            body = Release(run=str(place.run), reason=self._reason(place)).encode()
-            key = keys.control(place.role, worker)
-            try:
-                request(self._bus, key, body, timeout_s=_RELEASE_TIMEOUT_S)
-            except (NoReplyError, RefusedError) as error:
-                log.warning("%s does not let go of run %s: %s", worker, place.run, error)
+            log.warning("learner %s of run %s is silent for %.0f s", worker, place.run, silent_s)
+            self._desk.depose(place, worker)
+
+    def _answers(self, worker: str, now_s: float) -> bool:
+        """Whether a silent learner answers for its health; true as well if it was asked just now."""
+        if now_s - self._probed_s.get(worker, -_PROBE_AGAIN_S) < _PROBE_AGAIN_S:
+            return True
+        probed = {name: t for name, t in self._probed_s.items() if now_s - t < _PROBE_AGAIN_S}
+        self._probed_s = probed | {worker: now_s}
+        try:
+            request(self._bus, keys.health("learner", worker), b"", timeout_s=_PROBE_S)
+        except (NoReplyError, RefusedError):
+            return False
+        return True
 
     def _reason(self, place: Place) -> str:
         row = self._rows.get(str(place.run))
@@ -282,7 +258,7 @@ class Dispatcher:
             return "the run is over"
         if row.desired_state == "stopped":
             return "the run shall stop"
-        return self._given_up.get(row.id, "it is needed elsewhere")
+        return self._desk.given_up().get(row.id, "it is needed elsewhere")
 
 
 def _keep_newest(known: dict[str, RunRow], rows: Iterable[RunRow]) -> None:

@@ -1,34 +1,72 @@
 """From run folders to rows: what a folder says about its run, all of it."""
 
+import contextlib
 import hashlib
 import json
-import logging
+import os
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 from uuid import UUID
+
+from pydantic import TypeAdapter, ValidationError
 
 from bpn_dashboard.database.tables import RunRow
 from bpn_dashboard.registry.about import About
 from bpn_dashboard.registry.progress import Progress
 from bpn_dashboard.registry.states import observed
-from bpn_shared.runs.folder import RunFolder
+from bpn_shared.config import ConfigError
+from bpn_shared.runs.folder import RunFolder, is_run_id
 
-log = logging.getLogger(__name__)
+_FILES = ("config.json", "state.json", "about.json")
+_OBJECT: TypeAdapter[dict[str, Any]] = TypeAdapter(dict[str, Any])
+_NEEDED: dict[str, tuple[type, int]] = {
+    "seed": (int, 0), "iterations": (int, 1), "robots": (int, 1), "steps": (int, 1),
+}  # fmt: skip
+"""What the dashboard itself takes from a configuration: type, and least value."""
+
+Signature = tuple[tuple[int, int, int] | None, ...]
+"""Of a folder's files, what changes when one is replaced: inode, size, time of its last change."""
 
 
-def run_folders(runs_dir: Path) -> Iterator[RunFolder]:
-    """The run folders in a directory, oldest first (their names sort by time)."""
-    for path in sorted(runs_dir.iterdir()) if runs_dir.exists() else ():
+def signature(folder: RunFolder) -> Signature:
+    """Tells whether a folder that could not be read has been changed since."""
+
+    def of(name: str) -> tuple[int, int, int] | None:
         try:
+            status = os.lstat(folder.path / name)
+        except OSError:
+            return None
+        return status.st_ino, status.st_size, status.st_mtime_ns
+
+    return tuple(of(name) for name in _FILES)
+
+
+def candidates(runs_dir: Path) -> Iterator[RunFolder]:
+    """What is or may become the folder of a run, oldest first: whatever is named by a UUID."""
+    for path in sorted(runs_dir.iterdir()) if runs_dir.is_dir() else ():
+        with contextlib.suppress(ValueError):
             UUID(path.name)
-        except ValueError:
-            continue
-        if (path / "state.json").exists():  # written last when a folder is made
             yield RunFolder(path)
+
+
+def why_none(folder: RunFolder) -> str | None:
+    """What keeps something that is named by a UUID from being a run's folder; None: nothing."""
+    if not is_run_id(folder.path.name):
+        return f"{folder.path}: the run's id in another spelling, a copy? It is ignored"
+    if folder.path.is_symlink():
+        return f"{folder.path}: a link, which is not followed"
+    if folder.is_complete():
+        return None
+    missing = [name for name in _FILES[:2] if not (folder.path / name).is_file()]
+    return f"{folder.path}: {' and '.join(missing) or 'a file'} is not there, or not yet"
 
 
 def row_of(folder: RunFolder, about: About | None = None) -> RunRow:
     """The row of a run.
+
+    One whose configuration this program cannot read, as of a newer version, is shown as far as it can be, with
+    the reason as its error; no worker gets it.
 
     Args:
         about: what people say about it; None: what its folder says that they do.
@@ -37,24 +75,44 @@ def row_of(folder: RunFolder, about: About | None = None) -> RunRow:
         ConfigError: a file of the folder is missing or damaged.
     """
     about = about or About.read(folder)
-    config, recorded = folder.config(), folder.state()
-    values = config.model_dump()
+    recorded = folder.state()
+    try:
+        values, error = folder.config().model_dump(), recorded.error
+    except ConfigError as unreadable:
+        values, error = _shown_at_least(folder, unreadable), str(unreadable)
+        about = about.model_copy(update={"desired_state": "stopped"})
     return RunRow(
         id=str(folder.run),
-        task=config.task,
-        algorithm=config.algorithm,
-        seed=config.seed,
+        task=values["task"],
+        algorithm=values["algorithm"],
+        seed=values["seed"],
         config=values,
         config_hash=hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest(),
         state=observed(
             recorded.state, about.desired_state, owned=False, elsewhere=folder.is_owned()
         ),
         attempt=recorded.attempt,
-        iterations=config.iterations,
-        error=recorded.error,
+        iterations=values["iterations"],
+        error=error,
         created_at=recorded.created_unix_s,
         updated_at=(folder.path / "state.json").stat().st_mtime,
-        **about.model_dump(exclude={"name"}),
-        name=about.name or f"{config.task} {config.algorithm} seed {config.seed}",
+        **about.columns(),
+        name=about.name or f"{values['task']} {values['algorithm']} seed {values['seed']}",
         **Progress(folder).read(),
     )
+
+
+def _shown_at_least(folder: RunFolder, unreadable: ConfigError) -> dict[str, Any]:
+    """The values of a configuration that cannot be read, if they are enough for a row."""
+    try:
+        values = _OBJECT.validate_json((folder.path / "config.json").read_bytes())
+    except (OSError, ValidationError):
+        raise unreadable from None
+    texts = all(isinstance(values.get(name), str) for name in ("task", "algorithm"))
+    numbers = all(
+        type(values.get(name)) is kind and least <= values[name] < 2**63
+        for name, (kind, least) in _NEEDED.items()
+    )
+    if not (texts and numbers):
+        raise unreadable
+    return values

@@ -4,20 +4,27 @@ import contextlib
 import logging
 import os
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import NamedTuple
 
 from sqlalchemy import delete, select
+from sqlalchemy.exc import OperationalError, StatementError
 from sqlalchemy.orm import Session
 
 from bpn_dashboard.database.engine import Database
 from bpn_dashboard.database.tables import RunRow, SweepRow
 from bpn_dashboard.registry.about import SWEEPS, SweepFile
-from bpn_dashboard.registry.folders import row_of, run_folders
+from bpn_dashboard.registry.folders import Signature, candidates, row_of, signature, why_none
 from bpn_shared.config import ConfigError
+from bpn_shared.runs.folder import RunFolder
+from bpn_shared.runs.opening import file_names
 
 log = logging.getLogger(__name__)
+
+_UNSTORABLE = (StatementError, ValueError, ArithmeticError)
+"""What a database says of values that it cannot hold."""
 
 
 @dataclass
@@ -30,6 +37,12 @@ class Rebuilt:
     damaged: list[str] = field(default_factory=list)
 
 
+class _Unreadable(NamedTuple):
+    reason: str
+    signature: Signature
+    """Of the folder when it could not be read: when that changes, it is looked at again."""
+
+
 class Index:
     """Rows from folders.
 
@@ -40,23 +53,42 @@ class Index:
     def __init__(self, database: Database, runs_dir: Path) -> None:
         self._database, self._runs_dir = database, runs_dir
         self.making = threading.Lock()
-        self._damaged: set[str] = set()
+        self._unreadable: dict[str, _Unreadable] = {}
         self._seen_s: dict[str, float] | None = None  # by run, when its state was last written
 
+    def unreadable(self) -> dict[str, str]:
+        """The folders that cannot be read, or not wholly, and why."""
+        return {name: known.reason for name, known in sorted(self._unreadable.items())}
+
     def adopt(self) -> list[RunRow]:
-        """Adds rows for the folders that have none, and returns them."""
+        """Adds rows for the folders that have none, and for those that were mended; returns them."""
         with self.making:
             with self._database.reading() as session:
                 known = set(session.scalars(select(RunRow.id)))
                 sweeps = set(session.scalars(select(SweepRow.id)))
-            damaged: list[str] = []
-            rows = self._rows(known | self._damaged, sweeps, damaged)
-            for reason in damaged:
-                log.warning("a run folder cannot be read and is left out: %s", reason)
-            if rows:
-                with self._database.writing() as session:
-                    session.add_all(rows)
-        return rows
+            rows = list(self._rows(known, sweeps))
+            try:
+                self._merge(rows)
+                return rows
+            except _UNSTORABLE:
+                return [row for row in rows if self._merge_alone(row)]
+
+    def _merge(self, rows: Sequence[RunRow]) -> None:
+        if rows:
+            with self._database.writing() as session:
+                for row in rows:
+                    session.merge(row)
+
+    def _merge_alone(self, row: RunRow) -> bool:
+        """Whether the row could be stored; one that cannot leaves the others alone."""
+        try:
+            self._merge([row])
+        except OperationalError:  # the database's trouble
+            raise
+        except _UNSTORABLE as error:
+            self._leave_out(RunFolder(self._runs_dir / row.id), error)
+            return False
+        return True
 
     def changed(self, session: Session) -> list[str]:
         """The runs whose state was written since the last call, or since it was last observed."""
@@ -73,7 +105,9 @@ class Index:
         sweeps = self._sweeps(result.damaged)
         kept = {sweep.id for sweep in sweeps}
         with self.making:
-            rows = self._rows(set(), kept, result.damaged)
+            self._unreadable.clear()
+            rows = list(self._rows(set(), kept))
+            result.damaged += self.unreadable().values()
             with self._database.writing() as session:
                 for sweep in sweeps:
                     session.merge(sweep)
@@ -88,30 +122,58 @@ class Index:
         result.runs, result.sweeps, result.removed = len(rows), len(sweeps), len(gone)
         return result
 
-    def _rows(self, leave_out: set[str], sweeps: set[str], damaged: list[str]) -> list[RunRow]:
-        rows = []
-        for folder in run_folders(self._runs_dir):
-            if folder.path.name in leave_out:
+    def _rows(self, known: set[str], sweeps: set[str]) -> Iterator[RunRow]:
+        names = set()
+        for folder in candidates(self._runs_dir):
+            name = folder.path.name
+            names.add(name)
+            before = self._unreadable.get(name)
+            if (name in known and before is None) or (before and before[1] == signature(folder)):
                 continue
             try:
+                if (reason := why_none(folder)) is not None:
+                    raise ConfigError(reason)
+                now = signature(folder)
                 row = row_of(folder)
-            except ConfigError as error:
-                self._damaged.add(folder.path.name)
-                damaged.append(str(error))
+                self._unreadable.pop(name, None)
+                if (unreadable := _unreadable_part(folder)) is not None:
+                    self._note(name, unreadable, now)
+            except Exception as error:  # whatever lies in one folder, the others go on
+                self._leave_out(folder, error)
                 continue
             if row.sweep_id not in sweeps:
                 row.sweep_id = None
-            rows.append(row)
-        return rows
+            yield row
+        self._unreadable = {n: known for n, known in self._unreadable.items() if n in names}
+
+    def _leave_out(self, folder: RunFolder, error: Exception) -> None:
+        expected = isinstance(error, ConfigError | OSError)
+        reason = str(error) if expected else f"{folder.path}: {type(error).__name__}: {error}"
+        self._note(folder.path.name, reason, signature(folder))
+
+    def _note(self, name: str, reason: str, seen: Signature) -> None:
+        before = self._unreadable.get(name)
+        self._unreadable[name] = _Unreadable(reason, seen)
+        if before is None or before.reason != reason:
+            log.warning("a run folder cannot be read: %s", reason)
 
     def _sweeps(self, damaged: list[str]) -> list[SweepRow]:
         sweeps = []
-        for path in sorted((self._runs_dir / SWEEPS).glob("*.json")):
+        for name in file_names(self._runs_dir, SWEEPS, suffix=".json"):
             try:
-                sweeps.append(SweepFile.read(path))
+                sweeps.append(SweepFile.read(self._runs_dir, name))
             except ConfigError as error:
                 damaged.append(str(error))
         return sweeps
+
+
+def _unreadable_part(folder: RunFolder) -> str | None:
+    """Why a folder that has a row is not shown wholly."""
+    try:
+        folder.config()
+    except ConfigError as error:
+        return str(error)
+    return None
 
 
 def _states_written_s(runs_dir: Path) -> Iterator[tuple[str, float]]:

@@ -5,7 +5,7 @@ worker's token at a place, or a grant so young that its token may still come. So
 knows all leases, and a registry that was restarted goes on where the last one stopped.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 from uuid import UUID
@@ -14,6 +14,8 @@ from bpn_shared.messages.lease import Role
 
 GRANT_S = 5.0
 """How long a granted place is kept for a worker whose token has not come."""
+IDLE_S = 5.0
+"""How long after its last question a worker without a lease counts as idle: idle ones ask often."""
 PATIENCE_S = 10.0
 """How long a robot without its edge, or one without a learner, is left where it is."""
 
@@ -70,7 +72,9 @@ class LeaseBook:
         self._surplus: dict[Place, list[str]] = {}  # whose token came to a place that was taken
         self._left_s: dict[Place, float] = {}  # when a place was last left
         self._labels: dict[str, str] = {}
-        self._asked: set[str] = set()  # learners that have asked
+        self._asked: dict[
+            str, tuple[Role, float]
+        ] = {}  # by worker: its role, and when it last asked
         self._quiet_until_s = float("-inf")
 
     def demand(self, runs: Sequence[Demand]) -> None:
@@ -99,19 +103,23 @@ class LeaseBook:
         """A worker's token is gone from a place."""
         if worker in self._surplus.get(place, ()):
             self._surplus[place].remove(worker)
+            if not self._surplus[place]:
+                del self._surplus[place]
         elif self.holder(place) == worker:
             self._leave(place, now_s)
 
     def gone(self, worker: str) -> None:
         """A worker has died, or will not ask again."""
         self._labels.pop(worker, None)
-        self._asked.discard(worker)
+        self._asked.pop(worker, None)
 
     def _leave(self, place: Place, now_s: float) -> None:
         del self._leases[place]
         self._left_s[place] = now_s
-        if surplus := self._surplus.get(place):
-            self._leases[place] = Lease(surplus.pop(0), now_s, confirmed=True)
+        if surplus := self._surplus.pop(place, None):
+            self._leases[place] = Lease(surplus[0], now_s, confirmed=True)
+            if surplus[1:]:
+                self._surplus[place] = surplus[1:]
 
     # Questions
 
@@ -125,42 +133,84 @@ class LeaseBook:
         lease = self._leases.get(place)
         return lease is not None and lease.confirmed
 
+    def held_s(self, place: Place, now_s: float) -> float:
+        """For how long the place's holder has had it; 0 if there is none."""
+        lease = self._leases.get(place)
+        return 0.0 if lease is None else now_s - lease.since_s
+
+    def idle(self, role: Role, now_s: float) -> set[str]:
+        """The workers of a role that ask for work and have none."""
+        at_work = {lease.worker for lease in self._leases.values()}
+        asking = {
+            worker
+            for worker, (its_role, at_s) in self._asked.items()
+            if its_role == role and now_s - at_s <= IDLE_S
+        }
+        return asking - at_work
+
+    def learners(self) -> int:
+        """How many learners there are, at work or idle."""
+        at_work = {lease.worker for p, lease in self._leases.items() if p.role == "learner"}
+        return len(at_work | {who for who, (role, _) in self._asked.items() if role == "learner"})
+
+    def wanted(self, run: UUID) -> int:
+        """How many learners a run wants."""
+        demand = self._demands.get(run)
+        return 0 if demand is None else demand.learners
+
+    def position(self, run: UUID) -> int:
+        """How many of the runs before this one in the queue lack a learner."""
+        rank = self._ranks.get(run, 0)
+        return sum(
+            self._ranks[other.run] < rank
+            and any(place not in self._leases for place in other.places("learner"))
+            for other in self._demands.values()
+        )
+
+    def missing(self, run: UUID) -> list[Place]:
+        """The places that the run wants filled and nobody has."""
+        demand = self._demands.get(run)
+        if demand is None:
+            return []
+        roles: tuple[Role, ...] = ("learner", "robot_sim", "edge")
+        return [p for role in roles for p in demand.places(role) if p not in self._leases]
+
     def runs(self) -> set[UUID]:
         """The runs that someone has a lease of."""
         return {place.run for place in self._leases}
 
     # Leases
 
-    def ask(
-        self,
-        role: Role,
-        worker: str,
-        label: str,
-        now_s: float,
-        admit: Callable[[Place], bool] = lambda _place: True,
-    ) -> Place | None:
-        """Gives an idle worker the place where it is needed most; None: nowhere now.
+    def candidates(self, role: Role, worker: str, label: str, now_s: float) -> list[Place]:
+        """The places that an idle worker could have, the one where it is needed most first.
 
         Who asks has nothing in hand: what the book says it has is void.
 
         Args:
             label: where the worker runs; a robot and an edge with equal labels are put together, because
                 they share a core. Empty: anywhere.
-            admit: asked last, whether a place may be given away.
         """
         self._labels[worker] = label
-        if role == "learner":
-            self._asked.add(worker)
+        self._asked[worker] = role, now_s
         self.expire(now_s)
         for place in list(self._leases):
             self.vanished(place, worker, now_s)
         if now_s < self._quiet_until_s:
-            return None
-        candidates = sorted(self._vacant(role), key=lambda p: self._urgency(p, label, now_s))
-        granted = next(filter(admit, candidates), None)
-        if granted is not None:
-            self._leases[granted] = Lease(worker, now_s, confirmed=False)
-        return granted
+            return []
+        return sorted(self._vacant(role), key=lambda p: self._urgency(p, label, now_s))
+
+    def grant(self, place: Place, worker: str, now_s: float) -> bool:
+        """Gives a worker a place, unless somebody has it."""
+        if place in self._leases:
+            return False
+        self._leases[place] = Lease(worker, now_s, confirmed=False)
+        return True
+
+    def depose(self, place: Place, now_s: float) -> None:
+        """Makes a place vacant whose holder does not answer any more, though its token is there."""
+        lease = self._leases.pop(place)
+        self._left_s[place] = now_s
+        self._surplus.setdefault(place, []).append(lease.worker)
 
     def expire(self, now_s: float) -> None:
         """Drops grants that no token followed in time."""
@@ -174,7 +224,7 @@ class LeaseBook:
         Slots are of no use before all learners are there, and a learner is of none where there are not as
         many as the run wants to share its updates.
         """
-        learners = self._learners()
+        learners = self.learners()
         for demand in self._demands.values():
             if (
                 demand.learners <= learners
@@ -182,11 +232,6 @@ class LeaseBook:
                 else all(place in self._leases for place in demand.places("learner"))
             ):
                 yield from (place for place in demand.places(role) if place not in self._leases)
-
-    def _learners(self) -> int:
-        """How many learners there are, at work or idle."""
-        at_work = {lease.worker for p, lease in self._leases.items() if p.role == "learner"}
-        return len(at_work | self._asked)
 
     def _urgency(self, place: Place, label: str, now_s: float) -> tuple[int, int, int]:
         """Smaller is more urgent.
@@ -266,7 +311,7 @@ class LeaseBook:
         """Whether a learner that lacks others is wanted in an older run, or in any other if there are not
         enough learners for its own.
         """
-        too_few = self._learners() < self._demands[place.run].learners
+        too_few = self.learners() < self._demands[place.run].learners
         return any(
             too_few or self._ranks[vacancy.run] < self._ranks[place.run]
             for vacancy in self._vacant("learner")

@@ -14,14 +14,28 @@ log = logging.getLogger(__name__)
 
 
 class Observer:
-    """Watches one run's folder."""
+    """Watches one run's folder.
+
+    Attributes:
+        owner: whose attempt it was at the last look, if one was running.
+        elsewhere: somebody owned the run then, and it was no worker of ours.
+    """
 
     def __init__(self, folder: RunFolder) -> None:
         self._folder = folder
         self._progress = Progress(folder)
         self._owned_s = time.monotonic()
+        self._trouble = ""
+        self.owner = ""
+        self.elsewhere = False
 
-    def columns(self, row: RunRow, *, owned: bool, give_up: str | None) -> dict[str, Any]:
+    def iteration(self) -> int:
+        """How many iterations are done."""
+        return int(self._progress.read()["iteration"])
+
+    def columns(
+        self, row: RunRow, *, owned: bool, give_up: str | None, record: bool = True
+    ) -> dict[str, Any]:
         """The columns of the run's row as they are now.
 
         What is wanted is written to the folder once no learner owns it any more: that a run was stopped
@@ -30,29 +44,44 @@ class Observer:
         Args:
             owned: a learner has the run's lease.
             give_up: why the run shall fail; None: it shall not.
+            record: false: nothing is written, another registry serves the run.
         """
         now_s = time.monotonic()
         try:
             recorded = self._folder.state()
-            elsewhere = not owned and recorded.state not in OVER and self._folder.is_owned()
-            if owned or elsewhere:
+            over = recorded.state in OVER
+            self.owner = getattr(recorded, "owner", "") if recorded.state == "running" else ""
+            self.elsewhere = not owned and not over and self._folder.is_owned()
+            if owned or self.elsewhere:
                 self._owned_s = now_s
-            elif recorded.state not in OVER and give_up is not None:
+            elif record and not over and give_up is not None:
                 recorded = self._record("failed", give_up)
-            elif recorded.state == "running" and row.desired_state == "stopped":
+            elif record and recorded.state == "running" and row.desired_state == "stopped":
                 recorded = self._record("stopped")
-        except (ConfigError, RunOwnedError) as error:
-            log.warning("run %s cannot be observed: %s", row.id, error)
-            return {"error": str(error)}
+            progress = self._progress.read()
+        except RunOwnedError:  # just now; the next look sees it
+            return {}
+        except Exception as error:  # whatever lies in one folder, the others go on
+            return {"error": self._tell(row, error)}
+        self._trouble = ""
         state = observed(
             recorded.state,
             "running" if row.desired_state == "running" else "stopped",
             owned=owned,
-            elsewhere=elsewhere,
+            elsewhere=self.elsewhere,
             unowned_s=now_s - self._owned_s,
         )
         seen = {"state": state, "attempt": recorded.attempt, "error": recorded.error}
-        return seen | self._progress.read()
+        return seen | progress
+
+    def _tell(self, row: RunRow, error: Exception) -> str:
+        """What is wrong with the folder; logged once."""
+        expected = isinstance(error, ConfigError | OSError)
+        trouble = str(error) if expected else f"{type(error).__name__}: {error}"
+        if trouble != self._trouble:
+            log.warning("run %s cannot be observed: %s", row.id, trouble, exc_info=not expected)
+            self._trouble = trouble
+        return trouble
 
     def _record(self, state: Any, error: str = "") -> Any:
         with self._folder.owned("the registry", patience_s=0.0):

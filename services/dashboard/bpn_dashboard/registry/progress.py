@@ -1,64 +1,94 @@
 """How far a run has come: read from its metrics line by line, as they are written."""
 
-import json
+import math
 from collections import deque
-from typing import Any
+from typing import Annotated, Any, Self
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from bpn_shared.runs.folder import RunFolder
-from bpn_shared.tasks import RETURN, RETURN_PX
+from bpn_shared.runs.tail import Tail
 
 _MEAN_OF = 5
+_Count = Annotated[int, Field(ge=0, lt=2**53)]
+_Number = Annotated[float, Field(allow_inf_nan=True)]
+
+
+class Record(BaseModel):
+    """What a line of metrics.jsonl says of an iteration, as far as it is summed up here."""
+
+    model_config = ConfigDict(extra="ignore", strict=True, frozen=True)
+
+    iteration: _Count
+    weights_version: Annotated[int, Field(ge=0, lt=2**63)]
+    length: _Number
+    return_px: _Number | None = None
+    return_own: Annotated[_Number | None, Field(validation_alias="return")] = None
+
+    @model_validator(mode="after")
+    def _has_a_return(self) -> Self:
+        if self.return_px is None and self.return_own is None:
+            raise ValueError("no return")
+        return self
+
+    @property
+    def mean_return(self) -> float:
+        """In the unit of the run's return metric."""
+        value = self.return_own if self.return_px is None else self.return_px
+        assert value is not None  # else it is no record
+        return value
 
 
 class Progress:
     """The summary columns of one run's row. Each `read` takes in what was written since the last one."""
 
     def __init__(self, folder: RunFolder) -> None:
-        self._path = folder.path / "metrics.jsonl"
+        self._tail = Tail(folder.path / "metrics.jsonl", root=folder.path.parent)
         self._begin()
 
     def _begin(self) -> None:
-        self._offset_bytes = 0
-        self._last: dict[str, Any] | None = None
+        self._last: Record | None = None
         self._returns: deque[float] = deque(maxlen=_MEAN_OF)
         self._best: float | None = None
 
     def read(self) -> dict[str, Any]:
-        """Iterations done and what they came to, by column of `RunRow`."""
-        for line in self._new_lines():
-            try:
-                self._take(json.loads(line))
-            except (ValueError, KeyError, TypeError):  # cut by a crash; the iteration comes again
-                continue
+        """Iterations done and what they came to, by column of `RunRow`.
+
+        Raises:
+            OSError: the file cannot be read.
+        """
+        while (growth := self._tail.read()).data or growth.is_new:
+            if growth.is_new:
+                self._begin()
+            for line in growth.lines():
+                try:
+                    self._take(Record.model_validate_json(line))
+                except (
+                    ValidationError
+                ):  # cut by a crash, or damaged; the series count and name such lines
+                    continue
         last = self._last
         if last is None:
             return {"iteration": 0}
         return {
-            "iteration": last["iteration"] + 1,
-            "weights_version": last["weights_version"],
-            "return_last": self._returns[-1],
+            "iteration": last.iteration + 1,
+            "weights_version": last.weights_version,
+            "return_last": _finite(self._returns[-1]),
             "return_best": self._best,
-            "return_mean_last_5": sum(self._returns) / len(self._returns),
-            "length_last": last["length"],
+            "return_mean_last_5": _finite(sum(self._returns) / len(self._returns)),
+            "length_last": _finite(last.length),
         }
 
-    def _new_lines(self) -> list[bytes]:
-        try:
-            with self._path.open("rb") as file:
-                if file.seek(0, 2) < self._offset_bytes:  # another file in its place
-                    self._begin()
-                file.seek(self._offset_bytes)
-                data = file.read()
-        except FileNotFoundError:
-            return []
-        whole = data[: data.rfind(b"\n") + 1]
-        self._offset_bytes += len(whole)
-        return whole.splitlines()
-
-    def _take(self, record: dict[str, Any]) -> None:
-        mean_return = float(record[RETURN_PX] if RETURN_PX in record else record[RETURN])
-        if self._last is not None and record["iteration"] <= self._last["iteration"]:
+    def _take(self, record: Record) -> None:
+        if self._last is not None and record.iteration <= self._last.iteration:
             self._returns.pop()  # after a crash an iteration may stand twice
-        self._last = {key: record[key] for key in ("iteration", "weights_version", "length")}
-        self._returns.append(mean_return)
-        self._best = mean_return if self._best is None else max(self._best, mean_return)
+        self._last = record
+        self._returns.append(record.mean_return)
+        if math.isfinite(record.mean_return):
+            best = record.mean_return if self._best is None else self._best
+            self._best = max(best, record.mean_return)
+
+
+def _finite(value: float) -> float | None:
+    """What a database holds and JSON carries."""
+    return value if math.isfinite(value) else None

@@ -6,7 +6,7 @@ meanwhile neither repeat nor hide others.
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Annotated, Any
 
 from pydantic import TypeAdapter, ValidationError
 from sqlalchemy import BigInteger, ColumnElement, Select, String, and_, cast, func, or_, select
@@ -126,7 +126,11 @@ def conditions(runs: RunFilter) -> list[ColumnElement[bool]]:
 def _config_is(key: str, text: str) -> ColumnElement[bool]:
     if key not in RunConfig.model_fields:
         raise FilterError(f"config.{key} is unknown; one of: {', '.join(RunConfig.model_fields)}")
-    kind: Any = RunConfig.model_fields[key].annotation
+    known = RunConfig.model_fields[key]
+    # Within its range: databases have one too.
+    kind: Any = (
+        Annotated[(known.annotation, *known.metadata)] if known.metadata else known.annotation
+    )
     try:
         value = TypeAdapter(kind).validate_python(text)
     except ValidationError as error:

@@ -1,7 +1,9 @@
 """The runs: made, found, wanted or not wanted any more. Folder and database change together here."""
 
+import shutil
 import time
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 from uuid import UUID
@@ -27,6 +29,7 @@ from bpn_dashboard.registry.query import Cursor, Page, RunFilter, conditions, fi
 from bpn_dashboard.registry.states import OVER, is_busy
 from bpn_dashboard.registry.sweeps import expand
 from bpn_shared.config import RunConfig
+from bpn_shared.runs.creation import Workplace
 from bpn_shared.runs.folder import RunFolder
 
 Changes = Mapping[str, Any]
@@ -111,17 +114,23 @@ class RunStore:
         tags: Sequence[str] = (),
         actor: str,
     ) -> RunRow:
-        """A new run, in the queue for workers."""
-        with self.index.making:
-            row = self._new_run(config, name=name, notes=notes, tags=tags, sweep_id=None)
+        """A new run, in the queue for workers.
+
+        Raises:
+            OSError: its folder cannot be made, as on a full disk; nothing of it is left.
+        """
+        with self.index.making, ExitStack() as undo:
+            row = self._new_run(undo, config, name=name, notes=notes, tags=tags, sweep_id=None)
             with self._database.writing() as session:
                 session.add(row)
                 audit.record(session, actor, "create", row.id, config=row.config)
+            undo.pop_all()
         self._tell([row])
         return row
 
     def _new_run(
         self,
+        undo: ExitStack,
         config: RunConfig,
         *,
         name: str,
@@ -130,6 +139,7 @@ class RunStore:
         sweep_id: str | None,
     ) -> RunRow:
         run_id = _new_id()
+        undo.callback(shutil.rmtree, self.runs_dir / run_id, ignore_errors=True)
         folder = RunFolder.create(self.runs_dir, UUID(run_id), config)
         about = About(
             name=name, notes=notes, tags=list(tags), sweep_id=sweep_id, desired_state="running"
@@ -272,29 +282,37 @@ class RunStore:
         config: Mapping[str, Any],
         grid: Mapping[str, Sequence[Any]],
         seeds: Sequence[int],
+        *,
         actor: str,
+        place: Workplace,
     ) -> SweepRow:
         """A sweep and all its runs.
 
         Args:
             config: the task, and what is changed from its preset in every run.
+            place: where the runs will be done.
 
         Raises:
             ConfigError: a key or value of configuration or grid is wrong; nothing was made.
+            OSError: a folder cannot be made, as on a full disk; nothing of the sweep is left.
         """
-        runs = expand(config, grid, seeds)
+        runs = expand(config, grid, seeds, place)
         sweep = SweepRow(
             id=_new_id(), name=name, config=dict(config), seeds=list(seeds), created_at=time.time(),
             grid={key: list(values) for key, values in grid.items()},
         )  # fmt: skip
-        with self.index.making:
+        with self.index.making, ExitStack() as undo:
+            undo.callback(SweepFile.path(self.runs_dir, sweep.id).unlink, missing_ok=True)
             SweepFile.write(self.runs_dir, sweep)
-            rows = [self._new_run(run.config, name=run.name, sweep_id=sweep.id) for run in runs]
+            rows = [
+                self._new_run(undo, run.config, name=run.name, sweep_id=sweep.id) for run in runs
+            ]
             with self._database.writing() as session:
                 session.add(sweep)
                 session.flush()
                 session.add_all(rows)
                 audit.record(session, actor, "create_sweep", sweep.id, name=name, runs=len(rows))
+            undo.pop_all()
         self._tell(rows)
         return sweep
 

@@ -4,9 +4,11 @@ import itertools
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
 from bpn_shared.config import ConfigError, RunConfig
+from bpn_shared.runs.creation import Workplace, configure
 
 MAX_RUNS = 1000
 
@@ -20,7 +22,10 @@ class SweepRun:
 
 
 def expand(
-    config: Mapping[str, Any], grid: Mapping[str, Sequence[Any]], seeds: Sequence[int]
+    config: Mapping[str, Any],
+    grid: Mapping[str, Sequence[Any]],
+    seeds: Sequence[int],
+    place: Workplace,
 ) -> list[SweepRun]:
     """The runs of a sweep, in the grid's order with the last key and then the seed varying fastest.
 
@@ -28,6 +33,7 @@ def expand(
         config: the task, and what is changed from its preset in every run; the grid has precedence.
         grid: for configuration keys (the task too), the values to try.
         seeds: one run for each; none: the configuration's own.
+        place: where the runs will be done; of each Gymnasium environment it is asked once.
 
     Raises:
         ConfigError: a key is unknown, or a value is wrong or stands twice; the message names both.
@@ -36,14 +42,22 @@ def expand(
     if seeds:
         axes = {key: values for key, values in axes.items() if key != "seed"} | {"seed": seeds}
     _check(grid, seeds, axes)
+    place = _AskedOnce(place)
     runs = []
     for values in itertools.product(*axes.values()):
         point = dict(zip(axes, values, strict=True))
-        changes = {**config, **point}
-        task = changes.pop("task", RunConfig.model_fields["task"].default)
-        name = " ".join(f"{key}={_text(value)}" for key, value in point.items()) or f"task={task}"
-        runs.append(SweepRun(name, RunConfig.for_task(task, **changes)))
+        made = configure({"task": RunConfig.model_fields["task"].default, **config, **point}, place)
+        name = " ".join(f"{key}={_text(value)}" for key, value in point.items())
+        runs.append(SweepRun(name or f"task={made.task}", made))
     return runs
+
+
+class _AskedOnce:
+    """A workplace that remembers what it was told of environments."""
+
+    def __init__(self, place: Workplace) -> None:
+        self.actions_of = cache(place.actions_of)
+        self.check = place.check
 
 
 def _check(

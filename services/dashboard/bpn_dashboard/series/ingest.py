@@ -11,7 +11,6 @@ import threading
 import time
 from collections.abc import Sequence
 from pathlib import Path
-from typing import BinaryIO
 
 from sqlalchemy import select
 
@@ -20,6 +19,7 @@ from bpn_dashboard.database.series_tables import SourceRow
 from bpn_dashboard.database.tables import RunRow
 from bpn_dashboard.series import store
 from bpn_dashboard.series.lines import parse_lines
+from bpn_shared.runs.tail import Growth, Position, read_on
 from bpn_shared.service import Counters
 
 log = logging.getLogger(__name__)
@@ -30,7 +30,6 @@ _SCAN_SHARE = 0.02
 """Of the time that looking at all files may take, however many there are."""
 _ACTIVE_S = 600.0
 _AGAIN_S = 5.0
-_READ_BYTES = 4 * 1024 * 1024
 _FILE = "metrics.jsonl"
 
 
@@ -51,7 +50,9 @@ class Ingest:
         self._thread = threading.Thread(target=self._follow, name="ingest", daemon=True)
         with database.reading() as session:
             rows = session.scalars(select(SourceRow))
-            self._read = {row.run_id: (row.inode, row.offset_bytes) for row in rows}
+            self._read: dict[str, Position] = {
+                row.run_id: Position(row.inode, row.offset_bytes) for row in rows
+            }
 
     def start(self) -> None:
         self._thread.start()
@@ -102,54 +103,43 @@ class Ingest:
                 status = os.stat(f"{self._runs_dir}/{name}/{_FILE}")
             except OSError:
                 continue
-            if self._read.get(name) != (_inode(status), status.st_size):
+            if not _is_read(self._read.get(name), status):
                 found.append(name)
         end_s = time.monotonic()
         self._scan_at_s = end_s + max(SCAN_S, (end_s - now_s) / _SCAN_SHARE)
         return found
 
     def _take_in(self, run_id: str) -> int:
-        points = 0
-        try:
-            file = (self._runs_dir / run_id / _FILE).open("rb")
-        except OSError:  # the folder was moved away
-            return 0
-        with file:
-            status = os.fstat(file.fileno())
-            inode = _inode(status)
-            known, offset = self._read.get(run_id, (None, 0))
-            replaced = known != inode or status.st_size < offset
-            offset = 0 if replaced else offset
-            file.seek(offset)
-            while not self._stop.is_set() and (data := _whole_lines(file)):
-                columns, errors = parse_lines(data)
-                for error in errors:
-                    self._counters.refuse("metrics_lines_refused", f"{run_id}/{_FILE}: {error}")
-                offset += len(data)
-                with self._database.writing() as session:
-                    if replaced:
-                        store.forget(session, run_id)
-                    if columns:
-                        store.append(session, run_id, columns)
-                    session.merge(SourceRow(run_id=run_id, inode=inode, offset_bytes=offset))
-                replaced = False
-                self._read[run_id] = inode, offset
-                self._active[run_id] = time.monotonic()
-                points += sum(len(column.steps) for column in columns.values())
+        """What a run's file has that is not stored yet; the number of points."""
+        path, points = self._runs_dir / run_id / _FILE, 0
+        while not self._stop.is_set():
+            try:
+                growth = read_on(path, self._read.get(run_id), root=self._runs_dir)
+            except OSError as error:  # others' files go on
+                self._counters.refuse("metrics_files_refused", str(error))
+                break
+            if growth.position is None or not (growth.data or growth.is_new):
+                break
+            points += self._store(run_id, growth, growth.position)
+            self._read[run_id] = growth.position
+            self._active[run_id] = time.monotonic()
         self._counters.add("points_ingested", points)
         return points
 
+    def _store(self, run_id: str, growth: Growth, position: Position) -> int:
+        columns, errors = parse_lines(growth.data)
+        for error in errors:
+            self._counters.refuse("metrics_lines_refused", f"{run_id}/{_FILE}: {error}")
+        with self._database.writing() as session:
+            if growth.is_new:
+                store.forget(session, run_id)
+            if columns:
+                store.append(session, run_id, columns)
+            inode, offset = position
+            session.merge(SourceRow(run_id=run_id, inode=inode, offset_bytes=offset))
+        return sum(len(column.steps) for column in columns.values())
 
-def _inode(status: os.stat_result) -> int:
-    return status.st_ino & (2**63 - 1)  # databases have no unsigned integers
 
-
-def _whole_lines(file: BinaryIO) -> bytes:
-    """The next lines that are written to their end; of a line that never ends, a piece."""
-    begin = file.tell()
-    data = file.read(_READ_BYTES)
-    end = data.rfind(b"\n") + 1
-    if not end and len(data) == _READ_BYTES:
-        return data
-    file.seek(begin + end)
-    return data[:end]
+def _is_read(position: Position | None, status: os.stat_result) -> bool:
+    """Whether a file was read to its end."""
+    return position == Position(status.st_ino % 2**63, status.st_size)

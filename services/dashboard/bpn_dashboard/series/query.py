@@ -48,12 +48,14 @@ class Series:
 
     Attributes:
         run_ids: the group's runs that have the metric.
+        seeds: that these runs have: the sample size.
         n_points: points that the curve was made of.
         bucket: width of its buckets on the axis; 0: every point stands for itself.
     """
 
     metric: str
     run_ids: Sequence[str]
+    seeds: int
     n_points: int
     bucket: float
     curve: Curve
@@ -76,16 +78,16 @@ class SeriesQueries:
         self._known: OrderedDict[Hashable, Series] = OrderedDict()
 
     def query(
-        self, groups: Sequence[Sequence[str]], metrics: Sequence[str], view: View
+        self, groups: Sequence[Mapping[str, int]], metrics: Sequence[str], view: View
     ) -> list[Series]:
-        """For every group of runs and every metric the curve, in this order."""
+        """For every group of runs (id to seed) and every metric the curve, in this order."""
         names = [*metrics, _AXIS_METRIC[view.axis]] if view.axis != "iteration" else metrics
         with self._database.reading() as session:
             of_all = store.metrics_of(session, sorted({i for ids in groups for i in ids}), names)
             rows = {(row.run_id, row.name): row for row in of_all}
             return [
-                self._one(session, rows, sorted(set(run_ids)), metric, view)
-                for run_ids in groups
+                self._one(session, rows, seeds, metric, view)
+                for seeds in groups
                 for metric in metrics
             ]
 
@@ -121,11 +123,11 @@ class SeriesQueries:
         self,
         session: Session,
         found: Mapping[tuple[str, str], MetricRow],
-        run_ids: Sequence[str],
+        seeds: Mapping[str, int],
         metric: str,
         view: View,
     ) -> Series:
-        rows = [found[run, metric] for run in run_ids if (run, metric) in found]
+        rows = [found[run, metric] for run in sorted(seeds) if (run, metric) in found]
         axis = _AXIS_METRIC.get(view.axis)
         axes = [found[row.run_id, axis] for row in rows if axis and (row.run_id, axis) in found]
         key = metric, view, tuple((row.id, row.revision) for row in (*rows, *axes))
@@ -133,7 +135,7 @@ class SeriesQueries:
             if (known := self._known.get(key)) is not None:
                 self._known.move_to_end(key)
                 return known
-        series = _series(session, rows, axes, metric, view)
+        series = _series(session, rows, axes, metric, view, seeds=seeds)
         with self._lock:
             self._known[key] = series
             while len(self._known) > _REMEMBERED:
@@ -142,18 +144,26 @@ class SeriesQueries:
 
 
 def _series(
-    session: Session, rows: Sequence[MetricRow], axes: Sequence[MetricRow], metric: str, view: View
+    session: Session,
+    rows: Sequence[MetricRow],
+    axes: Sequence[MetricRow],
+    metric: str,
+    view: View,
+    *,
+    seeds: Mapping[str, int],
 ) -> Series:
     if view.axis == "iteration":
         parts, width = _by_iteration(session, rows, view)
     else:
         parts, width = _by_other_axis(session, rows, axes, view)
+    run_ids = [row.run_id for row, part in zip(rows, parts, strict=True) if len(part.x)]
     return Series(
         metric=metric,
-        run_ids=[row.run_id for row, part in zip(rows, parts, strict=True) if len(part.x)],
+        run_ids=run_ids,
+        seeds=len({seeds[run_id] for run_id in run_ids}),
         n_points=int(sum(part.n.sum() for part in parts)),
         bucket=width,
-        curve=summarize(parts, view.statistic, view.band),
+        curve=summarize(parts, [seeds[row.run_id] for row in rows], view.statistic, view.band),
     )
 
 

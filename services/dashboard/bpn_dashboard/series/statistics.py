@@ -1,7 +1,8 @@
-"""Statistics over the seeds of a group, from all points of all of them.
+"""Statistics over the seeds of a group, from all points of all of its runs.
 
-Seeds are aligned on the union of their x: between its first and its last point a seed that has no value
-at an x keeps its newest; outside it is not counted, and the result says how many were (`n`).
+Runs are aligned on the union of their x: between its first and its last point a run that has no value
+at an x keeps its newest; outside it is not counted. Runs of one seed are then averaged, since they are one
+sample however many they are (`bpn_shared.statistics`), and the result says how many seeds counted (`n`).
 
 Mean, median and interquartile mean (IQM; Agarwal et al. 2021, section 4) are all weighted sums of the sorted
 values, and so is each of them in a bootstrap resample. So one matrix product does any of them for all x,
@@ -16,6 +17,7 @@ from typing import Literal
 import numpy as np
 
 from bpn_dashboard.series.downsample import Buckets, Floats
+from bpn_shared.statistics import iqm_weights, merge_seeds
 
 Statistic = Literal["mean", "median", "iqm"]
 Band = Literal["std", "sem", "ci95", "minmax"]
@@ -33,8 +35,8 @@ class Curve:
         value: the statistic over the seeds' means.
         low: the band's lower edge.
         high: the band's upper edge.
-        min: the smallest point of any seed.
-        max: the largest point of any seed.
+        min: the smallest point of any run.
+        max: the largest point of any run.
         last: the statistic over the seeds' newest values.
     """
 
@@ -48,36 +50,36 @@ class Curve:
     last: Floats
 
 
-def summarize(seeds: Sequence[Buckets], statistic: Statistic, band: Band) -> Curve:
-    """The curve of a group of seeds.
+def summarize(
+    runs: Sequence[Buckets], seeds: Sequence[int], statistic: Statistic, band: Band
+) -> Curve:
+    """The curve of a group of runs.
 
     The standard deviation is the sample's (n - 1), so one seed alone has no band; `sem` is it over the root of n;
-    `ci95` is the percentile bootstrap of the statistic; `minmax` spans all points of all seeds.
+    `ci95` is the percentile bootstrap of the statistic; `minmax` spans all points of all runs.
+
+    Args:
+        seeds: of each of the runs.
     """
-    seeds = [seed for seed in seeds if len(seed.x)]
-    x = np.unique(np.concatenate([seed.x for seed in seeds])) if seeds else np.empty(0)
-    means = np.full((len(seeds), len(x)), np.nan)
+    seeds = [seed for run, seed in zip(runs, seeds, strict=True) if len(run.x)]
+    runs = [run for run in runs if len(run.x)]
+    x = np.unique(np.concatenate([run.x for run in runs])) if runs else np.empty(0)
+    means = np.full((len(runs), len(x)), np.nan)
     lasts, lows, highs = means.copy(), means.copy(), means.copy()
-    for row, seed in enumerate(seeds):
-        own = np.searchsorted(x, seed.x)
+    for row, run in enumerate(runs):
+        own = np.searchsorted(x, run.x)
         alive = slice(own[0], own[-1] + 1)
-        newest = np.searchsorted(seed.x, x[alive], side="right") - 1
-        lasts[row, alive] = seed.last[newest]
-        means[row, alive] = seed.last[newest]
-        means[row, own] = seed.mean
-        lows[row, own], highs[row, own] = seed.min, seed.max
+        newest = np.searchsorted(run.x, x[alive], side="right") - 1
+        lasts[row, alive] = run.last[newest]
+        means[row, alive] = run.last[newest]
+        means[row, own] = run.mean
+        lows[row, own], highs[row, own] = run.min, run.max
     low, high = _extremes(lows, highs)
-    value, edges, n = _over_seeds(means, statistic, band)
-    last, _, _ = _over_seeds(lasts, statistic, None)
+    value, edges, n = _over_seeds(merge_seeds(seeds, means), statistic, band)
+    last, _, _ = _over_seeds(merge_seeds(seeds, lasts), statistic, None)
     if band == "minmax":
         edges = np.stack([low, high])
     return Curve(x, n, value, edges[0], edges[1], low, high, last)
-
-
-def scalar(values: Sequence[float]) -> tuple[float, float]:
-    """Mean and sample standard deviation (NaN of one) of some runs' final values."""
-    array = np.asarray(values, dtype=np.float64)
-    return float(array.mean()), float(array.std(ddof=1)) if len(array) > 1 else float("nan")
 
 
 def _extremes(lows: Floats, highs: Floats) -> tuple[Floats, Floats]:
@@ -120,12 +122,12 @@ def _percentile(ordered: Floats, share: float) -> Floats:
 @cache
 def _weights(n: int, statistic: Statistic) -> Floats:
     """float64[n]: what each of n sorted values counts."""
+    if statistic == "iqm":
+        return iqm_weights(n)
+    if statistic == "mean":
+        return np.full(n, 1 / n)
     weights = np.zeros(n)
-    if statistic == "median":
-        weights[[(n - 1) // 2, n // 2]] = 1.0
-    else:
-        cut = n // 4 if statistic == "iqm" else 0
-        weights[cut : n - cut] = 1.0
+    weights[[(n - 1) // 2, n // 2]] = 1.0
     weights /= weights.sum()
     return weights
 

@@ -49,6 +49,10 @@ class PanTiltRobot:
     def truncated(self) -> bool:
         return False
 
+    @property
+    def success(self) -> None:
+        return None
+
     def reset(self, seed: int) -> Frame:
         """The agent at rest in the middle, the marker where the seed puts it; see `Robot.reset`."""
         random = np.random.default_rng(seed)

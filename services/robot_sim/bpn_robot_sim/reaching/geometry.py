@@ -7,6 +7,7 @@ is in metres with the arm's base in the origin, x to the right, y up; one pixel 
 from math import cos, radians, sin
 
 from bpn_shared.bnn.spec import IMAGE_SIZE_PX
+from bpn_shared.markers import REACHING_TARGET_RADIUS_PX
 
 PX_PER_M = 100.0
 BASE_PX = ((IMAGE_SIZE_PX - 1) / 2, (IMAGE_SIZE_PX - 1) / 2)
@@ -14,7 +15,7 @@ LINK_LENGTHS_PX = (20.0, 18.0)
 """With the hand's radius they sum to 42, half the image: the workspace touches its border."""
 LINK_WIDTH_PX = 5.0
 HAND_RADIUS_PX = 4.0
-TARGET_RADIUS_PX = 5.0
+TARGET_RADIUS_PX = REACHING_TARGET_RADIUS_PX
 
 GRID_DEG = 15
 """Every rotation is a multiple of it: from the start the arm reaches 24 x 24 poses."""

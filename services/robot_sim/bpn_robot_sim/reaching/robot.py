@@ -49,6 +49,10 @@ class ReachingRobot:
     def truncated(self) -> bool:
         return False
 
+    @property
+    def success(self) -> None:
+        return None
+
     def reset(self, seed: int) -> Frame:
         """The start pose, at rest; see `Robot.reset`."""
         del seed

@@ -43,6 +43,10 @@ class TrackingRobot:
     def truncated(self) -> bool:
         return False
 
+    @property
+    def success(self) -> None:
+        return None
+
     def reset(self, seed: int) -> Frame:
         """Target and window where the seed puts them, the window at rest; see `Robot.reset`."""
         self._start(*geometry.start(seed))

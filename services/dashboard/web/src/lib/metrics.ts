@@ -69,10 +69,22 @@ const KNOWN: Metric[] = [
     about: 'share of uniformly random actions (BQN)',
   },
   {
-    name: 'failures',
-    title: 'Failures',
+    name: 'terminated',
+    title: 'Terminated',
     unit: 'episodes',
-    about: 'ended by the task, not by time',
+    about: 'ended by the task, good or bad, not by time',
+  },
+  {
+    name: 'successes',
+    title: 'Successes',
+    unit: 'episodes',
+    about: 'as the task or its environment defines it',
+  },
+  {
+    name: 'failures',
+    title: 'Terminated (older runs)',
+    unit: 'episodes',
+    about: 'ended by the task, good or bad; what runs of older versions call it',
   },
   {
     name: 'deadline_misses',

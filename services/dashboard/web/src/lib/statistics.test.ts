@@ -1,6 +1,7 @@
+import { readFileSync } from 'node:fs';
 import fc from 'fast-check';
 import { expect, test } from 'vitest';
-import { debiasedEma, meanAndStd } from './statistics';
+import { debiasedEma, overSeeds } from './statistics';
 
 const values = fc.array(fc.double({ min: -1e6, max: 1e6, noNaN: true }), { minLength: 1 });
 const weight = fc.double({ min: 0.01, max: 0.98, noNaN: true });
@@ -31,12 +32,23 @@ test('missing values stay missing and change nothing', () => {
   expect(debiasedEma(raw, 0)).toBe(raw);
 });
 
-test('mean and sample standard deviation', () => {
-  expect(meanAndStd([2, 4, 4, 4, 5, 5, 7, 9])).toEqual({
-    n: 8,
-    mean: 5,
-    std: expect.closeTo(Math.sqrt(32 / 7), 12),
+interface Vector {
+  name: string;
+  samples: { seed: number; value: number }[];
+  expected: { runs: number; seeds: number; mean: number; std: number | null };
+}
+const file = new URL('../../../../../tests/vectors/statistics.json', import.meta.url);
+const vectors = JSON.parse(readFileSync(file, 'utf8')) as Vector[];
+
+test.each(vectors)('as every language computes it: $name', ({ samples, expected }) => {
+  const { mean, std } = expected;
+  expect(overSeeds(samples)).toEqual({
+    ...expected,
+    mean: expect.closeTo(mean, 6),
+    std: std === null ? null : expect.closeTo(std, 6),
   });
-  expect(meanAndStd([3])).toEqual({ n: 1, mean: 3, std: null });
-  expect(meanAndStd([])).toEqual({ n: 0, mean: null, std: null });
+});
+
+test('of nothing there is no figure', () => {
+  expect(overSeeds([])).toEqual({ runs: 0, seeds: 0, mean: null, std: null });
 });

@@ -23,6 +23,7 @@ const described = {
   label: '',
   group: {},
   run_ids: ['r'],
+  seeds: 1,
   n_points: 2,
   bucket: 0,
 };

@@ -89,6 +89,6 @@ export type XAxis = SeriesQuery['x'];
 export type Statistic = SeriesQuery['statistic'];
 export type Band = SeriesQuery['band'];
 
-/** One line of a chart: a run, or a group of runs with its band; `n` is how many runs stand behind a point. */
+/** One line of a chart: a run, or a group of runs with its band; `n` is how many seeds stand behind a point. */
 export type Series = Omit<Schemas['SeriesShown'], 'group'> & { group: Config };
 export type SeriesAnswer = Omit<Schemas['SeriesAnswer'], 'series'> & { series: Series[] };

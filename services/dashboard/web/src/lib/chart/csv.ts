@@ -24,7 +24,7 @@ export function chartCsv(lines: readonly Line[], xName: string, yName: string): 
       }
     }
   }
-  return csv(['line', xName, yName, 'low', 'high', 'runs'], rows());
+  return csv(['line', xName, yName, 'low', 'high', 'seeds'], rows());
 }
 
 /** Lets the user save a file that was made in the page. */

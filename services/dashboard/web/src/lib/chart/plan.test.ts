@@ -62,7 +62,7 @@ test('new numbers keep a chart, another line makes a new one', () => {
 
 test('CSV has all points, unsmoothed, and quotes what needs it', () => {
   expect(chartCsv([banded], 'iteration', 'return, px')).toBe(
-    'line,iteration,"return, px",low,high,runs\r\n' +
+    'line,iteration,"return, px",low,high,seeds\r\n' +
       'alpha 0.9,0,1,0,2,3\r\n' +
       'alpha 0.9,1,3,2,4,2\r\n',
   );

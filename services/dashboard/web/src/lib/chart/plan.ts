@@ -13,7 +13,8 @@ export interface Line {
   value: Column;
   low?: Column;
   high?: Column;
-  n?: Column; // how many runs stand behind a point
+  n?: Column; // how many seeds stand behind a point
+  repeats?: string; // "14 runs, 3 seeds", where seeds were run more than once
 }
 
 export type Part = 'low' | 'high' | 'raw' | 'value';

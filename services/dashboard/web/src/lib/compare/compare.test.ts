@@ -13,6 +13,7 @@ const base: Series = {
   label: '',
   group: {},
   run_ids: ['r1'],
+  seeds: 1,
   n_points: 2,
   bucket: 0,
   x: column,
@@ -27,7 +28,7 @@ const base: Series = {
 
 test('a group has its band and its n, a run has neither unless its points are in buckets', () => {
   const labels = { run: (id: string) => `named ${id}` };
-  const group = { ...base, key: 'g', group: { alpha: 0.9 }, run_ids: ['r1', 'r2'] };
+  const group = { ...base, key: 'g', group: { alpha: 0.9 }, run_ids: ['r1', 'r2'], seeds: 2 };
   const [run, buckets, gathered] = linesOf(
     [base, { ...base, key: 'b', bucket: 4 }, group],
     new StrokeBook(),
@@ -37,6 +38,14 @@ test('a group has its band and its n, a run has neither unless its points are in
   expect(run).not.toHaveProperty('low');
   expect(buckets).toMatchObject({ low: [-1, 0], high: [3, 4] });
   expect(gathered).toMatchObject({ label: 'alpha 0.9', low: [0, 1], n: column });
+  expect(gathered).not.toHaveProperty('repeats');
+});
+
+test('a group whose seeds were run more than once says so', () => {
+  const ids = Array.from({ length: 14 }, (_, i) => `r${i}`);
+  const often = { ...base, key: 'g', group: { alpha: 0.9 }, run_ids: ids, seeds: 3 };
+  const [line] = linesOf([often], new StrokeBook(), { run: (id) => id });
+  expect(line).toMatchObject({ repeats: '14 runs, 3 seeds' });
 });
 
 test('chosen runs stand for themselves, a filter is gathered over seeds', () => {

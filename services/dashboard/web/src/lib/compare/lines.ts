@@ -3,7 +3,7 @@
 import type { Series } from '../api/types';
 import type { Line } from '../chart/plan';
 import type { StrokeBook } from '../colour';
-import { plural } from '../format';
+import { countOf } from '../statistics';
 
 export interface Labels {
   /** What a run is called. */
@@ -28,11 +28,14 @@ export function linesOf(series: readonly Series[], strokes: StrokeBook, labels: 
       value: one.value,
       ...(low && high ? { low, high } : {}),
       ...(single ? {} : { n: one.n }),
+      ...(one.run_ids.length > one.seeds
+        ? { repeats: countOf(one.run_ids.length, one.seeds) }
+        : {}),
     };
   });
 }
 
-function groupName({ label, group, run_ids }: Series): string {
+function groupName({ label, group, run_ids, seeds }: Series): string {
   const parts = Object.entries(group).map(([key, value]) => `${key} ${String(value)}`);
-  return parts.join(', ') || label || plural(run_ids.length, 'run');
+  return parts.join(', ') || label || countOf(run_ids.length, seeds);
 }

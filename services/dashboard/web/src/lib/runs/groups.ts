@@ -1,16 +1,17 @@
-/** Runs gathered by the values of some configuration keys. Figures are of all runs of a group, never of a part. */
+/** Runs gathered by the values of some configuration keys. Figures are over the seeds of all runs of a group. */
 
 import type { ConfigValue, Run, RunState } from '../api/types';
 import { configValue } from '../format';
-import { meanAndStd } from '../statistics';
+import { overSeeds, type Spread } from '../statistics';
 
 export interface Group {
   key: string;
   values: Record<string, ConfigValue>;
   runs: Run[];
   states: Partial<Record<RunState, number>>;
-  best: { n: number; mean: number | null; std: number | null };
-  last: { n: number; mean: number | null; std: number | null };
+  seeds: number;
+  best: Spread;
+  last: Spread;
 }
 
 export const ALL_BUT_SEED = 'all_but_seed';
@@ -51,13 +52,19 @@ function summarize(key: string, keys: readonly string[], runs: Run[]): Group {
   const values = Object.fromEntries(keys.map((name) => [name, first?.config[name] ?? null]));
   const states: Group['states'] = {};
   for (const run of runs) states[run.state] = (states[run.state] ?? 0) + 1;
-  const of = (pick: (run: Run) => number | null): Group['best'] =>
-    meanAndStd(runs.map(pick).filter((value) => value !== null));
+  const of = (pick: (run: Run) => number | null): Spread =>
+    overSeeds(
+      runs.flatMap((run) => {
+        const value = pick(run);
+        return value === null ? [] : [{ seed: run.seed, value }];
+      }),
+    );
   return {
     key,
     values,
     runs,
     states,
+    seeds: new Set(runs.map((run) => run.seed)).size,
     best: of((run) => run.summary.returns.best),
     last: of((run) => run.summary.returns.last),
   };

@@ -3,6 +3,7 @@ import { expect, test, vi } from 'vitest';
 import type { Run, RunPage, RunQuery } from '../api/types';
 import { View } from '../router';
 import { columnOf, COLUMNS, DEFAULT_COLUMNS, nameOf } from './columns';
+import { countOf } from '../statistics';
 import { differingKeys, groupLabel, groupRuns } from './groups';
 import { PAGE_SIZE, RunList } from './list';
 import { filterOf, nextSort, parametersOf, parseSearch } from './query';
@@ -154,10 +155,17 @@ test('groups hold every run once, with figures of all of them', () => {
   const groups = groupRuns(runs, ['alpha']);
   expect(groups.map((group) => group.values.alpha)).toEqual([0, 1, 2]);
   expect(groups.flatMap((group) => group.runs)).toHaveLength(12);
-  expect(groups[1]?.last).toMatchObject({ n: 4, mean: -5.5 });
+  expect(groups[1]?.last).toMatchObject({ runs: 4, seeds: 4, mean: -5.5 });
   expect(groups[0]?.states).toEqual({ running: 4 });
   expect(groupRuns(runs, [])).toHaveLength(1);
   expect(differingKeys(runs)).toEqual(['alpha']);
+  const often = [...Array.from({ length: 11 }, () => aRun(0)), aRun(0), aRun(1), aRun(2)];
+  expect(groupRuns(often, [])[0]).toMatchObject({
+    seeds: 3,
+    last: { runs: 14, seeds: 3, mean: -1 },
+  });
+  expect(countOf(14, 3)).toBe('14 runs, 3 seeds');
+  expect(countOf(3, 3)).toBe('3 runs');
   expect(groupLabel({ alpha: 0.95, nodes: 100 })).toBe('alpha 0.95, nodes 100');
 });
 

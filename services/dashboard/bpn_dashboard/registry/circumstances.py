@@ -1,0 +1,68 @@
+"""What the registry knows of a run that may stand still: its place in the queue, and who lacks."""
+
+from collections import Counter
+from collections.abc import Iterable, Iterator
+from uuid import UUID
+
+from bpn_dashboard.registry.leases import LeaseBook, Place
+from bpn_dashboard.registry.setbacks import Setbacks
+from bpn_dashboard.registry.versions import Refused
+from bpn_shared.watchdog import Circumstances
+
+_MANY = 10
+
+
+def around(
+    run: UUID,
+    book: LeaseBook,
+    setbacks: Setbacks,
+    refused: Iterable[Refused],
+    now_s: float,
+    *,
+    owner: str | None = None,
+    router: str = "",
+    disk: str = "",
+) -> Circumstances:
+    """What is to be said about a wanted run.
+
+    Args:
+        owner: who holds its folder although no worker of ours is its learner.
+        router, disk: what is wrong with them, if anything is.
+    """
+    missing = book.missing(run)
+    roles = {place.role for place in missing}
+    return Circumstances(
+        router=router,
+        queue="; ".join(_queue(run, book, setbacks, missing)),
+        owner=f"its folder is held by {owner}, of whom nothing is heard" if owner else "",
+        lacking=tuple(_lacking(book, setbacks, missing, now_s)),
+        refused=tuple(worker.reason for worker in refused if worker.role in roles),
+        disk=disk,
+    )
+
+
+def _queue(run: UUID, book: LeaseBook, setbacks: Setbacks, missing: list[Place]) -> Iterator[str]:
+    learners = [place for place in missing if place.role == "learner"]
+    if not learners:
+        return
+    yield from filter(None, map(setbacks.newest, learners))
+    known, wanted, ahead = book.learners(), book.wanted(run), book.position(run)
+    if known < wanted:
+        yield f"waits for {'a learner' if wanted == 1 else f'{wanted} learners'}: {known} connected"
+    elif ahead > _MANY:
+        yield f"more than {_MANY} runs before it"
+    elif ahead:
+        yield f"{ahead} run{'s' if ahead > 1 else ''} before it"
+    else:
+        yield f"waits for a learner: {known} connected, none of them free"
+
+
+def _lacking(
+    book: LeaseBook, setbacks: Setbacks, missing: list[Place], now_s: float
+) -> Iterator[str]:
+    places = [place for place in missing if place.role != "learner"]
+    yield from filter(None, map(setbacks.newest, places))
+    for role, count in Counter(place.role for place in places).items():
+        idle = len(book.idle(role, now_s))
+        name = role.removesuffix("_sim") + ("s" if count > 1 else "")
+        yield f"{count} {name} missing: {idle} connected and idle"

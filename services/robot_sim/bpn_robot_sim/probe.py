@@ -1,0 +1,116 @@
+"""Whether a Gymnasium environment can be a task: it is made, played at random for a moment, and closed.
+
+`python -m bpn_robot_sim.probe gym:CartPole-v1` prints what was found as JSON; `probe_in_child` calls that, so that
+an environment that prints, hangs or crashes does so in a process of its own.
+"""
+
+import argparse
+import contextlib
+import os
+import subprocess
+import sys
+from collections.abc import Iterator
+from typing import TextIO
+
+from bpn_robot_sim.robot import of_gym
+from bpn_shared.bus.requests import RefusedError
+from bpn_shared.config import ConfigError
+from bpn_shared.messages.probe import ProbeReply, ProbeRequest
+from bpn_shared.probing import TIMEOUT_S
+from bpn_shared.tasks import is_gym
+
+_REFUSED = 3
+"""Exit status of the child that found a reason against."""
+
+
+def probe_environment(asked: ProbeRequest) -> ProbeReply:
+    """Makes, plays and closes the environment, in this process.
+
+    Raises:
+        ConfigError: it cannot be a task, or what it needs is not installed; the message is one sentence.
+    """
+    if not is_gym(asked.task):
+        raise ConfigError(f"{asked.task} is no gym: task, and needs no probe")
+    try_out = of_gym("play_at_random")
+    env = of_gym("GymEnvironment")(asked.task)
+    with contextlib.closing(env):
+        try_out(env, asked.task, asked.frame_channels, asked.steps)
+        return ProbeReply(
+            actions=env.actions,
+            seen="renders" if env.renders else "observations",
+            note=env.note[:500],
+        )
+
+
+def probe_in_child(asked: ProbeRequest, *, timeout_s: float = TIMEOUT_S) -> ProbeReply:
+    """`probe_environment` in a process of its own, whose standard output never mixes with ours.
+
+    Raises:
+        ConfigError: the environment cannot be a task; the message is one sentence.
+    """
+    command = [sys.executable, "-m", "bpn_robot_sim.probe", asked.task]
+    command += ["--channels", str(asked.frame_channels), "--steps", str(asked.steps)]
+    try:
+        done = subprocess.run(  # noqa: S603 - this module, with values that its parser checks
+            command,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            timeout=timeout_s,
+            check=False,
+        )
+    except subprocess.TimeoutExpired:
+        raise ConfigError(
+            f"{asked.task} cannot be a task: making it and {asked.steps} steps took longer than {timeout_s:g} s"
+        ) from None
+    said = done.stdout.decode(errors="replace").strip()
+    if done.returncode == _REFUSED and said:
+        raise ConfigError(said)
+    if done.returncode != 0:
+        raise ConfigError(
+            f"{asked.task} cannot be a task: its process ended with status {done.returncode} while it was "
+            "tried out"
+        )
+    return ProbeReply.model_validate_json(said)
+
+
+def answer(body: bytes) -> bytes:
+    """A robot worker's answer to a probe over the bus (`bpn_shared.probing`).
+
+    Raises:
+        MessageError: no such request.
+        RefusedError: the environment cannot be a task.
+    """
+    asked = ProbeRequest.decode(body)
+    try:
+        return probe_in_child(asked).encode()
+    except ConfigError as error:
+        raise RefusedError(str(error)) from error
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Prints the reply as JSON, or the sentence why not; exit status 3 then."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("task")
+    parser.add_argument("--channels", type=int, choices=(1, 3), default=1)
+    parser.add_argument("--steps", type=int, default=ProbeRequest.model_fields["steps"].default)
+    options = parser.parse_args(argv)
+    asked = ProbeRequest(task=options.task, frame_channels=options.channels, steps=options.steps)
+    with _stdout_kept() as out:
+        try:
+            said, status = probe_environment(asked).model_dump_json(), 0
+        except ConfigError as error:
+            said, status = str(error), _REFUSED
+        out.write(f"{said}\n")
+    return status
+
+
+@contextlib.contextmanager
+def _stdout_kept() -> Iterator[TextIO]:
+    """Standard output for us alone: whatever else is printed, by C code too, goes to standard error."""
+    with os.fdopen(os.dup(1), "w", encoding="utf-8") as kept:
+        os.dup2(2, 1)
+        yield kept
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -1,0 +1,30 @@
+"""dashboard -> robot: can this environment be a task, and what has a configuration to know of it?"""
+
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from bpn_shared.messages.base import Message
+
+MAX_NAME = 256
+MAX_SENTENCE = 500
+
+
+class ProbeRequest(Message):
+    """Make this environment, look at it, and close it again."""
+
+    task: Annotated[str, Field(min_length=1, max_length=MAX_NAME)]
+    frame_channels: Literal[1, 3] = 1
+    steps: Annotated[int, Field(ge=0, le=1000)] = 20
+    """Random actions that are tried; 0 where nothing may move, as of a real robot."""
+
+
+class ProbeReply(Message):
+    """What was found; an environment that cannot be a task is a refusal, whose message is the reason."""
+
+    actions: Annotated[int, Field(ge=2)]
+    """|A|."""
+    seen: Literal["observations", "renders"]
+    """Where its frames come from."""
+    note: Annotated[str, Field(max_length=MAX_SENTENCE)] = ""
+    """What the user should know, such as why it is rendered although it has images; "": nothing."""

@@ -1,0 +1,90 @@
+"""What a new run may be: the one way from what somebody asks for to a configuration, whichever door they come by.
+
+Command line (with and without a dashboard), REST, web form and sweeps all call `configure`, and a resumed run
+passes `Workplace.check` again. So all know the same tasks and presets, find out the same things, and refuse the
+same values in the same words, before anything is written or started.
+"""
+
+from collections.abc import Mapping
+from typing import Any, Protocol
+
+from bpn_shared.config import ConfigError, RunConfig, preset_of
+from bpn_shared.tasks import is_gym
+
+_ANY_ACTIONS = 2
+"""|A| that stands in for one that is not known yet, while the other values are checked."""
+
+
+class Workplace(Protocol):
+    """The machines that will do a run, as far as whoever creates it knows them."""
+
+    def actions_of(self, task: str) -> int | None:
+        """|A| of a Gymnasium environment, which is opened for it; None if nobody is there who could.
+
+        Raises:
+            ConfigError: it cannot be a task, or what it needs is not installed.
+        """
+        ...
+
+    def check(self, config: RunConfig) -> None:
+        """Refuses what these machines cannot do; what is not known of them is no reason.
+
+        Raises:
+            ConfigError: something that the run needs is missing; the message names value and remedy.
+        """
+        ...
+
+
+def configure(values: Mapping[str, Any], place: Workplace) -> RunConfig:
+    """The configuration that a new run gets.
+
+    The actions of a Gymnasium environment are found out here, once, so that no other service needs it; where
+    they are given, no environment is opened.
+
+    Args:
+        values: the task, and what is changed from its preset; texts are read as numbers where numbers belong.
+        place: where the run will be done.
+
+    Raises:
+        ConfigError: a value is wrong, or the workplace cannot do it.
+    """
+    config = _checked(values)
+    if _lacks_actions(values):
+        config = _checked({**values, "actions": _actions_of(config.task, place)})
+    place.check(config)
+    return config
+
+
+def request_values(values: Mapping[str, Any]) -> dict[str, Any]:
+    """The values as a registry takes them: checked, with their types, and with nothing that was not given.
+
+    Raises:
+        ConfigError: a value is wrong.
+    """
+    config = _checked(values)
+    left_open = {"actions"} if _lacks_actions(values) else set()
+    return {name: getattr(config, name) for name in values if name not in left_open}
+
+
+def _actions_of(task: str, place: Workplace) -> int:
+    actions = place.actions_of(task) or preset_of(task).get("actions")
+    if actions is None:
+        raise ConfigError(
+            f"task = {task!r}: no robot worker is connected that could open the environment and count its "
+            "actions; start one (`bpn up`, or bpn-robot-sim on any machine), or give actions"
+        )
+    return int(actions)
+
+
+def _checked(values: Mapping[str, Any]) -> RunConfig:
+    """What is wrong in itself is said before an environment is opened for the rest."""
+    changes = dict(values)
+    if "task" not in changes:
+        raise ConfigError("task: missing")
+    if _lacks_actions(values):
+        changes["actions"] = _ANY_ACTIONS
+    return RunConfig.for_task(changes.pop("task"), **changes)
+
+
+def _lacks_actions(values: Mapping[str, Any]) -> bool:
+    return is_gym(str(values.get("task", ""))) and values.get("actions") in (None, 0, "0")
