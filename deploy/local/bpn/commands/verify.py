@@ -3,7 +3,7 @@
 import argparse
 import json
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
 
@@ -18,8 +18,8 @@ from bpn_shared.runs.folder import RunFolder
 _SHOWN = 3
 
 
-def add_options(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("run_id", metavar="RUN", help="id of the run, or its beginning or end")
+def add_options(parser: argparse.ArgumentParser, _arguments: Sequence[str]) -> None:
+    parser.add_argument("run_id", metavar="RUN", help="id of the run, or its end")
     parser.add_argument(
         "--elsewhere",
         action="store_true",

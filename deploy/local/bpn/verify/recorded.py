@@ -41,7 +41,7 @@ class Recording:
     @property
     def terminal(self) -> bool:
         """Whether the task ended it."""
-        return self.episode.meta.failed
+        return self.episode.meta.terminated
 
     def rewards(self) -> npt.NDArray[np.float64]:
         """float64[T]: from the pixels, or as the robot told them where the task says so.
@@ -75,11 +75,11 @@ def played(
     """An iteration's episodes as data, each one checked; None if one is missing or unreadable."""
     found: list[Played] = []
     for index in range(config.episodes):
-        path = folder.episode_path(iteration, index)
-        if not path.exists():
+        name = f"episodes/{folder.episode_path(iteration, index).name}"
+        if not folder.has(name):
             continue
         try:
-            episode = Episode.decode(path.read_bytes(), config.task_spec)
+            episode = Episode.decode(folder.read_file(name), config.task_spec)
             found.append(checked(Recording(config, policy, iteration, index, episode), findings))
         except (MessageError, pixels.PixelError) as error:
             where = f"episode ({iteration}, {index})"

@@ -1,6 +1,5 @@
 """The records of an iteration, metrics and rewards, compared with its episodes."""
 
-import json
 from typing import Any
 
 import numpy as np
@@ -9,7 +8,6 @@ from bpn.verify.findings import Findings
 from bpn.verify.recorded import epsilon
 from bpn.verify.targets import Played
 from bpn_shared.config import RunConfig
-from bpn_shared.runs.folder import RunFolder
 
 REWARD_TOLERANCE_PX = 6e-4
 """rewards.jsonl has three decimals."""
@@ -30,7 +28,8 @@ def check_metrics(
         "transitions": sum(lengths),
         "length": float(np.mean(lengths)),
         "deadline_misses": sum(episode.misses for episode in data),
-        "failures": sum(episode.terminal for episode in data),
+        # what versions before 0.2 called it
+        "failures" if "failures" in record else "terminated": sum(e.terminal for e in data),
         name: float(np.mean(returns)),
     }
     for key, value in expected.items():
@@ -44,19 +43,6 @@ def check_metrics(
     share = epsilon(config, iteration)
     where = f"iteration {iteration}"
     findings.compare("epsilon", where, record.get("epsilon"), share, tolerance=TOLERANCE)
-
-
-def step_rewards(folder: RunFolder) -> dict[int, list[list[float]]]:
-    """What rewards.jsonl says, by iteration; of two lines the later counts, a line cut by a crash does not."""
-    path = folder.path / "rewards.jsonl"
-    told: dict[int, list[list[float]]] = {}
-    for line in path.read_text().splitlines() if path.exists() else ():
-        try:
-            record = json.loads(line)
-        except json.JSONDecodeError:
-            continue
-        told[record["iteration"]] = record["rewards_px"]
-    return told
 
 
 def check_rewards(

@@ -16,7 +16,7 @@ from bpn.verify.weights import described, digest, distance, same_bits
 from bpn_shared.bnn.blob import BlobError
 from bpn_shared.config import ConfigError, RunConfig
 from bpn_shared.runs.folder import RunFolder
-from bpn_shared.weights import Weights, decode_weights
+from bpn_shared.weights import Weights
 
 OnEpoch = Callable[[int, int], None]
 """Told (epochs trained again, epochs of the run)."""
@@ -46,9 +46,9 @@ class Verification:
         self._on_epoch, self._epochs = on_epoch, 0
         self._network = self.config.algorithm_spec.network
         # on a GPU, and where several learners add up their parts, sums are formed in another order
-        self._repeatable = not (
-            elsewhere or self.config.device != "cpu" or self.config.learners > 1
-        )
+        here = folder.written_by().get("torch") in (None, torch.__version__)
+        alone = self.config.device == "cpu" and self.config.learners == 1
+        self._repeatable = alone and here and not elsewhere
         self._trainees = [Trainee(self.config, draws.initial_seed(self.config.seed))]
         if not self._repeatable and self._network == "binary":
             self._trainees = rounding.replicas(self._trainees[0])
@@ -68,7 +68,7 @@ class Verification:
         if policy is None:
             raise ConfigError(f"{self.folder.path} holds no weights version 0: nothing to verify")
         self._check_initial(policy)
-        told, offset = records.step_rewards(self.folder), 0.0
+        told, offset = self.folder.rewards(), 0.0
         for iteration, record in enumerate(self.records):
             where = f"iteration {iteration}"
             if not self.findings.compare("files", "metrics", record["iteration"], iteration):
@@ -93,7 +93,7 @@ class Verification:
 
     def _version(self, version: int) -> Policy | None:
         try:
-            weights: Weights = decode_weights(self.folder.weights_path(version).read_bytes())
+            weights: Weights = self.folder.weights(version)
         except OSError as error:
             self.findings.compare(
                 "files", f"weights version {version}", str(error.strerror), "a file"
