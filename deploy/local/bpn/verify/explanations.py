@@ -45,9 +45,9 @@ def of_weights(update: Update, before: Trainee) -> str:
     flat, level = {"learning_rate_final": 1.0}, {"learning_rate_last": 1.0}
     other_engine = autograd if config.engine == "fast" else compiled
     slips: dict[str, Callable[[], bool]] = {
-        "without annealing": lambda: tried(_Slip(before, _with(config, **flat, **level))),
         "without annealing within the update": lambda: tried(_Slip(before, _with(config, **flat))),
         "without annealing over the run": lambda: tried(_Slip(before, _with(config, **level))),
+        "without annealing": lambda: tried(_Slip(before, _with(config, **flat, **level))),
         "without clipping of latent weights": lambda: tried(_Slip(before, config, clips=False)),
         "with the shuffles of iteration 0": lambda: tried(
             _Slip(before, config, shuffles=draws.shuffles(seed, 0))
