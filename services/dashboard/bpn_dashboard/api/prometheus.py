@@ -32,7 +32,30 @@ class _Dashboard(Collector):
             counted = select(RunRow.state, func.count()).group_by(RunRow.state)
             for state, count in session.execute(counted):
                 runs.add_metric([state], count)
+            waiting = select(RunRow.id, RunRow.task, RunRow.state).where(
+                RunRow.waiting_reason != "", RunRow.archived_at.is_(None)
+            )
+            stalled = [row for row in session.execute(waiting) if row.state != "queued"]
         yield runs
+        stalls = GaugeMetricFamily(
+            "bpn_run_stalled",
+            "Runs that make no progress though they shall.",
+            labels=["run", "task"],
+        )
+        for row in stalled:
+            stalls.add_metric([row.id, row.task], 1)
+        yield stalls
+        yield GaugeMetricFamily("bpn_runs_stalled", "How many these are.", len(stalled))
+        yield GaugeMetricFamily(
+            "bpn_run_folders_unreadable",
+            "Folders that should be runs' and cannot be read.",
+            len(self._parts.runs.index.unreadable()),
+        )
+        yield GaugeMetricFamily(
+            "bpn_workers_refused",
+            "Workers that ask for work and cannot be used.",
+            len(self._parts.refused()),
+        )
 
 
 @router.get(
