@@ -9,11 +9,7 @@ PACKAGES := shared services/edge services/learner services/robot_sim services/da
 SOURCES := $(PACKAGES:%=%/bpn*)
 
 .DEFAULT_GOAL := help
-<<<<<<< HEAD
-.PHONY: help up test mutants test-browser test-containers test-chaos test-fresh-machine screenshots lint format bench bench-sweep reproduce reproduce-quick doctor clean
-=======
-.PHONY: help up test test-browser test-containers test-chaos test-fresh-machine screenshots lint check-claims format bench bench-sweep reproduce reproduce-quick doctor clean
->>>>>>> main
+.PHONY: help up test mutants test-browser test-containers test-chaos test-fresh-machine screenshots lint check-claims format bench bench-sweep reproduce reproduce-quick doctor clean
 
 help:            ## this list
 	@grep -hE '^[a-z-]+: .*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 20
@@ -42,14 +38,10 @@ test-chaos: $(INSTALLED) ## every fault that containers may have in the middle o
 test-fresh-machine: ## the README's two commands in a bare container, as root and as a normal user (half an hour; any Docker Engine)
 	deploy/fresh-machine.sh
 
-<<<<<<< HEAD
-mutants: $(INSTALLED) ## how many faults the tests notice: a random sample of changes, and faults aimed at what matters (hours; goes on where it was)
-	PYTHONPATH=tests $(BIN)/python -m mutants $(MUTANTS)
+mutants: $(INSTALLED) ## how many faults the tests notice, sampled and aimed ones (hours; goes on where it was; MUTANTS="--sample N --seed S")
+	$(BIN)/python -m tests.mutants $(MUTANTS)
 
-lint: $(INSTALLED) ## ruff, mypy --strict, import-linter; prettier, svelte-check and vitest for the web UI
-=======
 lint: $(INSTALLED) check-claims ## ruff, mypy --strict, import-linter; prettier, svelte-check and vitest for the web UI; check-claims
->>>>>>> main
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy -p bpn_shared -p bpn_edge -p bpn_learner -p bpn_robot_sim -p bpn_dashboard -p bpn_certificates -p bpn

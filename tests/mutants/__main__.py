@@ -14,9 +14,9 @@ import os
 from collections import Counter
 from typing import Any
 
-from mutants.aimed import Fault, faults, noticed_by
-from mutants.sampled import equivalent, outcomes, sample, tests_of_modules
-from mutants.tree import ROOT, Tree, tree
+from tests.mutants.aimed import Fault, faults, noticed_by
+from tests.mutants.sampled import equivalent, outcomes, sample, tests_of_modules
+from tests.mutants.tree import ROOT, Tree, tree
 
 KEPT = ROOT / "build" / "mutants.jsonl"
 SAMPLED_TARGET, AIMED_TARGET = 0.92, 0.90

@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from mutants.tree import ROOT, Tree
+from tests.mutants.tree import ROOT, Tree
 
 FILE = Path(__file__).with_name("aimed.toml")
 TIMEOUT_S = 240.0

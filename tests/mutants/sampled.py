@@ -7,8 +7,8 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from mutants.mutations import Mutation, mutations
-from mutants.tree import ROOT, Tree
+from tests.mutants.mutations import Mutation, mutations
+from tests.mutants.tree import ROOT, Tree
 
 MODULES = Path(__file__).with_name("modules.toml")
 EQUIVALENT = Path(__file__).with_name("equivalent.toml")

@@ -33,7 +33,7 @@ class Tree:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        for name in (*PACKAGES, "tests", "deploy", "docs"):
+        for name in (*PACKAGES, "tests", "deploy", "docs", "bench"):
             shutil.copytree(ROOT / name, path / name, ignore=_LEFT_OUT, dirs_exist_ok=True)
         shutil.copy(ROOT / "pyproject.toml", path)
 
