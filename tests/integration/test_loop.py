@@ -175,7 +175,7 @@ def test_a_damaged_checkpoint_fails_once_and_names_the_remedy(
     )  # fmt: skip
     assert done.returncode == 1
     assert "cannot be resumed from" in done.stderr
-    assert "Remove it to train the run from its beginning" in done.stderr
+    assert "remove checkpoint.safetensors to train the run from its beginning" in done.stderr
     assert folder.state().state == "failed"
     assert folder.state().attempt == 2  # a restart would not mend it, and none was tried
 
