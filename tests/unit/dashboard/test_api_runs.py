@@ -277,3 +277,15 @@ def test_an_altered_cursor_is_refused(value, position, bit) -> None:
             decoded = cursors.decode(text, scope)
             assert decoded == [value, "id"]
             assert text[:-1] == cursor[:-1]  # base64's last character has bits that do not count
+
+
+@pytest.mark.parametrize(
+    "query",
+    [
+        "config.seed=" + "9" * 26, "config.seed=-1", "config.seed=1e400", "config.alpha=nan",
+        "config.iterations=" + "9" * 300, "search=%00", "search=%ed%a0%80", "state=%00",
+        "limit=" + "9" * 30, "cursor=AAAA", "config.seed=%D9%A3",
+    ],
+)  # fmt: skip
+def test_no_query_is_a_fault_of_the_server(client, query) -> None:
+    assert client.get(f"/api/v1/runs?{query}").status_code in (200, 422)
