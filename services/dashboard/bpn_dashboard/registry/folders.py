@@ -55,7 +55,7 @@ def why_none(folder: RunFolder) -> str | None:
         return f"{folder.path}: a link, which is not followed"
     if folder.is_complete():
         return None
-    missing = [name for name in _FILES[:2] if not (folder.path / name).is_file()]
+    missing = [name for name in _FILES[:2] if not folder.has(name)]
     return f"{folder.path}: {' and '.join(missing) or 'a file'} is not there, or not yet"
 
 
