@@ -2,7 +2,7 @@ from uuid import UUID
 
 import pytest
 
-from bpn_dashboard.registry.circumstances import around
+from bpn_dashboard.registry.circumstances import Queue, around
 from bpn_dashboard.registry.leases import Demand, LeaseBook, Place
 from bpn_dashboard.registry.setbacks import GiveBack, Setbacks
 from bpn_dashboard.registry.versions import FORGET_S, Refusals, Refused, why_refused
@@ -14,7 +14,7 @@ A = UUID(int=1)
 
 
 def queue(book: LeaseBook, run: UUID = A) -> str:
-    return around(run, book, Setbacks(), (), 0.0).queue
+    return around(run, book, Queue.of(book), Setbacks(), now_s=0.0).queue
 
 
 def book_of(*runs: Demand) -> LeaseBook:
@@ -56,7 +56,7 @@ def test_a_run_with_its_learners_says_who_else_is_missing_or_gave_the_place_back
     book.candidates("edge", "e0", "", 0.0)
     setbacks.gave_back(GiveBack(Place(A, "edge", 1), "e0", "no ONNX Runtime", 0), set(), 0.0)
     refused = [Refused("edge", "e9", "edge e9 is old", 0.0), Refused("learner", "l9", "l9 is", 0.0)]
-    assert around(A, book, setbacks, refused, 0.0) == Circumstances(
+    assert around(A, book, Queue.of(book), setbacks, refused=refused, now_s=0.0) == Circumstances(
         lacking=(
             "e0 gave it back: no ONNX Runtime",
             "1 robot missing: 0 connected and idle",
@@ -68,8 +68,16 @@ def test_a_run_with_its_learners_says_who_else_is_missing_or_gave_the_place_back
 
 def test_of_a_run_without_a_learner_only_learners_that_are_refused_are_told() -> None:
     refused = [Refused("edge", "e9", "edge e9 is old", 0.0), Refused("learner", "l9", "l9 is", 0.0)]
+    book = book_of(Demand(A, 1))
     known = around(
-        A, book_of(Demand(A, 1)), Setbacks(), refused, 0.0, owner="learner-x", disk="full"
+        A,
+        book,
+        Queue.of(book),
+        Setbacks(),
+        refused=refused,
+        now_s=0.0,
+        owner="learner-x",
+        disk="full",
     )
     assert known.refused == ("l9 is",)
     assert known.owner == "its folder is held by learner-x, of whom nothing is heard"

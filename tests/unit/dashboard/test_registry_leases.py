@@ -380,18 +380,14 @@ def test_what_a_run_lacks_and_which_runs_are_before_it() -> None:
     book = LeaseBook()
     c = UUID(int=3)
     book.demand([Demand(A, 1), Demand(B, 2, 2), Demand(c, 1)])
-    assert [book.position(run) for run in (A, B, c)] == [0, 1, 2]
+    assert book.positions() == {A: 0, B: 1, c: 2}
     assert [book.wanted(run) for run in (A, B, c, UUID(int=9))] == [1, 2, 1, 0]
     assert book.missing(B) == [
         Place(B, "learner", 0), Place(B, "learner", 1), Place(B, "robot_sim", 0),
         Place(B, "robot_sim", 1), Place(B, "edge", 0), Place(B, "edge", 1),
     ]  # fmt: skip
     filled(book, "learner", "l0")
-    assert [book.position(run) for run in (A, B, c)] == [
-        0,
-        0,
-        1,
-    ]  # one that has its learner waits for nobody
+    assert book.positions() == {A: 0, B: 0, c: 1}  # one that has its learner keeps nobody waiting
     filled(book, "edge", "e0")
     assert book.missing(A) == [Place(A, "robot_sim", 0)]
     assert book.missing(UUID(int=9)) == []
