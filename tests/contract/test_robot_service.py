@@ -94,17 +94,22 @@ def test_in_lockstep_each_frame_is_what_the_action_made_of_the_world(
 
 
 def test_in_lockstep_the_frame_is_sent_again_and_the_world_waits(
-    edge: Callable[[RunConfig], EdgeSide], running: Callable[..., Running]
+    edge: Callable[[RunConfig], EdgeSide],
+    running: Callable[..., Running],
+    wait_for: Callable[..., None],
 ) -> None:
     robot, side = running("robot_sim", robot_sim.serve, LOCKSTEP), edge(LOCKSTEP)
     side.reset(5)
     side.frame(0, 5)
-    side.act(6, 0, 4)  # of another episode
-    side.act(6, 1, 5)  # of another step
-    side.act(14, 0, 5)  # none of the task's
+    for counter, strange in (
+        ("actions_for_other_frames", (6, 0, 4)),  # of another episode
+        ("actions_for_other_frames", (6, 1, 5)),  # of another step
+        ("actions_refused", (14, 0, 5)),  # none of the task's
+    ):
+        before = robot.counters.get(counter, 0)
+        side.act(*strange)
+        wait_for(lambda: robot.counters.get(counter, 0) == before + 1, counter)  # noqa: B023
     side.frame(0, 5, count=3)
-    assert robot.counters["actions_refused"] == 1
-    assert robot.counters["actions_for_other_frames"] == 2
     assert robot.counters["frames_sent_again"] >= 1
     before = len(side.frames)
     side.reset(5)  # asked again, it sends the frame again and does not begin anew
@@ -144,7 +149,7 @@ def test_the_last_frame_is_sent_until_another_episode_begins(
         side.act(3, step, 5)
     first, _ = side.frame(3, 5)
     again, _ = side.frame(3, 5, count=3)
-    assert first == again
+    assert first.encode() == again.encode()
     side.reset(6)
     side.frame(0, 6)
     assert [f[0].reset_id for f in side.frames] == sorted(f[0].reset_id for f in side.frames)
