@@ -12,7 +12,7 @@ import pytest
 import torch
 from prescribed import check_actions
 
-from bpn_learner.checkpoint import load_checkpoint
+from bpn_learner.checkpoint import decode_checkpoint
 from bpn_learner.networks import BinaryNetwork
 from bpn_learner.update import make_optimizer
 from bpn_shared.bnn import golden
@@ -82,7 +82,7 @@ def test_after_training_the_folded_blob_is_the_evaluated_network(
         config.network, scale_initial=config.scale_initial, generator=torch.Generator()
     )
     optimizer = make_optimizer(network, config.learning_rate)
-    assert load_checkpoint(folder.checkpoint_path, network, optimizer) == 4
+    assert decode_checkpoint(folder.checkpoint_path.read_bytes(), network, optimizer) == 4
     network.eval()
     blob = folder.newest_weights()
     frames = np.concatenate(
