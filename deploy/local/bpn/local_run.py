@@ -20,8 +20,9 @@ from bpn.dashboard import Dashboard, DashboardAwayError
 from bpn.errors import CommandError
 from bpn.supervisor import Supervisor, services_of_run
 from bpn_shared.bus.metrics import MetricsSubscriber
-from bpn_shared.bus.session import Bus
+from bpn_shared.bus.session import Bus, BusError
 from bpn_shared.config import ConfigError, RunConfig
+from bpn_shared.errors import InputError
 from bpn_shared.messages.metrics import MetricsBatch
 from bpn_shared.runs.folder import RunFolder, RunOwnedError, State
 
@@ -160,11 +161,12 @@ def _display(
     display = _Display(folder, config, out)
 
     def follow() -> None:
-        with contextlib.suppress(RuntimeError), Bus(endpoint, stop=done) as bus:
-            subscriber = MetricsSubscriber(bus, folder.run, display.on_batch)
+        with contextlib.ExitStack() as stack:
+            with contextlib.suppress(BusError, InputError):  # lines are in the folder all the same
+                bus = stack.enter_context(Bus(endpoint, stop=done))
+                stack.enter_context(MetricsSubscriber(bus, folder.run, display.on_batch))
             while not done.wait(0.2):
                 display.show_new_lines()
-            del subscriber
 
     thread = threading.Thread(target=follow, name="progress")
     with display.progress:
