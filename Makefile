@@ -9,7 +9,7 @@ PACKAGES := shared services/edge services/learner services/robot_sim services/da
 SOURCES := $(PACKAGES:%=%/bpn*)
 
 .DEFAULT_GOAL := help
-.PHONY: help up test test-browser test-containers test-chaos test-fresh-machine screenshots lint format bench bench-sweep reproduce reproduce-quick doctor clean
+.PHONY: help up test test-browser test-containers test-chaos test-fresh-machine screenshots lint check-claims format bench bench-sweep reproduce reproduce-quick doctor clean
 
 help:            ## this list
 	@grep -hE '^[a-z-]+: .*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 20
@@ -38,13 +38,16 @@ test-chaos: $(INSTALLED) ## every fault that containers may have in the middle o
 test-fresh-machine: ## the README's two commands in a bare container, as root and as a normal user (half an hour; any Docker Engine)
 	deploy/fresh-machine.sh
 
-lint: $(INSTALLED) ## ruff, mypy --strict, import-linter; prettier, svelte-check and vitest for the web UI
+lint: $(INSTALLED) check-claims ## ruff, mypy --strict, import-linter; prettier, svelte-check and vitest for the web UI; check-claims
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy -p bpn_shared -p bpn_edge -p bpn_learner -p bpn_robot_sim -p bpn_dashboard -p bpn_certificates -p bpn
-	$(BIN)/mypy bench
+	$(BIN)/mypy bench checks
 	$(BIN)/lint-imports --no-logo
 	$(BIN)/python services/dashboard/hatch_build.py types check test
+
+check-claims: $(INSTALLED) ## figures in the pages against the results that they are from, links and anchors against what is there
+	$(BIN)/python -m checks
 
 format: $(INSTALLED) ## write code as ruff wants it
 	$(BIN)/ruff check --fix .

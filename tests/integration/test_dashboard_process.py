@@ -18,7 +18,7 @@ from websockets.sync.client import connect
 from bpn.cli import main
 from bpn.dashboard import Dashboard
 from bpn_certificates.authority import Validity, issue, new_authority
-from bpn_dashboard.service import ADDRESS_FILE
+from bpn_dashboard.state_lock import ADDRESS_FILE
 from bpn_shared.config import RunConfig
 from bpn_shared.runs.folder import RunFolder
 

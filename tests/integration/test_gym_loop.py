@@ -71,3 +71,18 @@ def test_what_cannot_be_a_task_is_said_before_anything_starts(
     assert done.returncode == 2
     assert "only discrete ones can be learned" in done.stderr
     assert not list(tmp_path.iterdir())
+
+
+def test_a_plot_that_nobody_can_draw_is_refused_before_anything_is_played(
+    cartpole: dict[str, Any], command: Command, tmp_path: Path
+) -> None:
+    done = subprocess.run(
+        command(
+            "eval", cartpole["run_id"], "--runs-dir", cartpole["runs_dir"],
+            "--plot", str(tmp_path / "a.png"), "--video", str(tmp_path / "b.gif"),
+        ),
+        capture_output=True, text=True, timeout=60, check=False,
+    )  # fmt: skip
+    assert done.returncode == 2
+    assert "no trajectories are known of task 'gym:CartPole-v1'" in done.stderr
+    assert not list(tmp_path.iterdir())

@@ -8,9 +8,8 @@ import os
 import socket
 import sys
 import threading
-from collections.abc import AsyncIterator, Iterator, Sequence
+from collections.abc import AsyncIterator, Iterator
 from contextlib import ExitStack, asynccontextmanager, contextmanager, suppress
-from dataclasses import dataclass, field
 from pathlib import Path
 from urllib.parse import urlsplit
 
@@ -21,14 +20,10 @@ from starlette.requests import HTTPConnection
 from bpn_dashboard.access.tokens import LINK_S
 from bpn_dashboard.api.app import Application, create_app
 from bpn_dashboard.api.context import Context, identify
-from bpn_dashboard.api.models import Run
 from bpn_dashboard.api.problems import ApiError
 from bpn_dashboard.database.engine import Database, DatabaseError
-from bpn_dashboard.database.tables import RunRow
-from bpn_dashboard.hub import presence
-from bpn_dashboard.hub.hub import Hub
-from bpn_dashboard.hub.topology import Topology
 from bpn_dashboard.hub.websocket import UVICORN_OPTIONS, live_route
+from bpn_dashboard.live import Live, stay_joined
 from bpn_dashboard.options import (
     argument_parser,
     check_options,
@@ -36,57 +31,40 @@ from bpn_dashboard.options import (
     is_secure,
     state_dir,
 )
-from bpn_dashboard.registry.dispatcher import Dispatcher
 from bpn_dashboard.registry.store import RunStore
+from bpn_dashboard.registry.workplace import ConnectedWorkers
 from bpn_dashboard.series.ingest import Ingest
-from bpn_shared.bus.session import Bus, BusError, prepare_process
+from bpn_dashboard.state_lock import ADDRESS_FILE, state_lock
+from bpn_shared.bus.session import prepare_process
 from bpn_shared.config import ConfigError, RunConfig
 from bpn_shared.runs.files import write_atomically
 from bpn_shared.service import (
     Counters,
     end_with_supervisor,
-    new_worker_id,
     set_up_logging,
     stop_on_signals,
 )
 
 log = logging.getLogger(__name__)
 
-ADDRESS_FILE = ".dashboard.json"
-"""In the state folder: where the dashboard is, and a token for this user's commands."""
 _SHUTDOWN_S = 2
 _TOKEN_S = 365 * 86_400.0
-
-
-@dataclass
-class Live:
-    """The parts that need the message bus, which may not be reachable yet."""
-
-    bus: Bus | None = None
-    hub: Hub | None = None
-    dispatcher: Dispatcher | None = None
-    topology: Topology = field(default_factory=Topology)
-
-    def obstacle(self) -> str | None:
-        """What keeps workers from being given work; None: nothing."""
-        if self.bus is None or self.dispatcher is None:
-            return "the message bus is not reached yet"
-        if not self.bus.connected:
-            return f"the connection to the router at {self.bus.endpoint} is lost"
-        return None if self.dispatcher.alive else "the registry does not serve workers"
 
 
 def build(options: argparse.Namespace, database: Database) -> tuple[Application, Context]:
     """The application with all its parts; its lifespan starts and ends them."""
     counters, live = Counters(), Live()
-    runs = RunStore(database, options.runs_dir)
+    runs = RunStore(database, options.runs_dir, read_only=live.read_only)
     context = Context(
         database=database,
         runs=runs,
         ingest=Ingest(options.runs_dir, database, counters),
         counters=counters,
+        place=ConnectedWorkers(lambda: live.bus),
         topology=live.topology.snapshot,
         obstacle=live.obstacle,
+        read_only=live.read_only,
+        refused=live.refused,
         secure=is_secure(options),
         open_metrics=options.open_metrics,
     )
@@ -96,8 +74,9 @@ def build(options: argparse.Namespace, database: Database) -> tuple[Application,
         stop = threading.Event()
         await asyncio.to_thread(runs.adopt)  # whether the bus is reached or not
         runs.subscribe(context.ingest.take_in)
+        runs.subscribe(live.publish)
         context.ingest.start()
-        joining = asyncio.create_task(_join_bus(options, context, live, stop))
+        joining = asyncio.create_task(stay_joined(options, context, live, stop))
         try:
             yield
         finally:
@@ -118,34 +97,6 @@ def build(options: argparse.Namespace, database: Database) -> tuple[Application,
     return create_app(context, hosts=hosts, lifespan=lifespan, routers=routes), context
 
 
-async def _join_bus(
-    options: argparse.Namespace, context: Context, live: Live, stop: threading.Event
-) -> None:
-    """Waits for the router however long it takes, runs what needs it, and ends that when `stop` is set."""
-    try:
-        bus = await asyncio.to_thread(Bus, options.connect, deadline_s=float("inf"), stop=stop)
-    except BusError as error:
-        log.info("%s", error)
-        return
-    name = new_worker_id(presence.KIND)
-    hub = live.hub = Hub(bus, options.runs_dir, context.counters, name, live.topology)
-
-    def publish(rows: Sequence[RunRow]) -> None:
-        for row in rows:
-            hub.publish("runs", Run.of(row).model_dump(mode="json"))
-
-    context.runs.subscribe(publish)
-    present = presence.Presence(bus, name, context.counters)
-    dispatcher = Dispatcher(bus, context.runs, context.counters)
-    await asyncio.to_thread(dispatcher.start)
-    live.bus, live.dispatcher = bus, dispatcher
-    await asyncio.to_thread(stop.wait)
-    await asyncio.to_thread(dispatcher.close)
-    hub.close()
-    await asyncio.to_thread(present.close)
-    await asyncio.to_thread(bus.close)
-
-
 def main(argv: list[str] | None = None) -> int:
     """Serves until it is told to stop. Exit status: 0 stopped, 1 failed, 2 wrong options."""
     options = argument_parser().parse_args(argv)
@@ -154,20 +105,21 @@ def main(argv: list[str] | None = None) -> int:
     logging.getLogger("alembic").setLevel(logging.WARNING)
     stop = stop_on_signals()
     end_with_supervisor()
-    try:
-        check_options(options)
-        first_run = RunConfig.for_task(options.first_run) if options.first_run else None
-        listener = _listen(options.host, options.port)
-        for folder in (options.runs_dir, state_dir(options)):
-            folder.mkdir(parents=True, exist_ok=True)
-        database = Database(database_url(state_dir(options), options.database))
-    except (ConfigError, DatabaseError) as error:
-        log.error("%s", error)
-        return 2
     with ExitStack() as stack:
-        stack.callback(database.close)
-        stack.callback(listener.close)
-        app, context = build(options, database)
+        try:
+            check_options(options)
+            first_run = RunConfig.for_task(options.first_run) if options.first_run else None
+            for folder in (options.runs_dir, state_dir(options)):
+                folder.mkdir(parents=True, exist_ok=True)
+            stack.enter_context(state_lock(state_dir(options)))
+            listener = _listen(options.host, options.port)
+            stack.callback(listener.close)
+            database = Database(database_url(state_dir(options), options.database))
+            stack.callback(database.close)
+            app, context = build(options, database)
+        except (ConfigError, DatabaseError) as error:
+            log.error("%s", error)
+            return 2
         if first_run is not None and not any(options.runs_dir.glob("*/config.json")):
             context.runs.create(first_run, name="first run", actor="bpn-dashboard")
         stack.enter_context(_announced(options, listener, context))

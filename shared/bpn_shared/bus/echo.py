@@ -43,8 +43,10 @@ class Echo:
         self._responder = Responder(bus, REQUEST, lambda _body: answer, Counters())
 
 
-def request_times_us(bus: Bus, request_bytes: int, count: int) -> list[float]:
-    """Times `count` requests of `request_bytes`, one after the other, microseconds each.
+def request_times_us(
+    bus: Bus, request_bytes: int, count: int, between: Callable[[], None] = lambda: None
+) -> list[float]:
+    """Times `count` requests of `request_bytes`, microseconds each, with a call of `between` before each.
 
     Raises:
         NoReplyError: no echo answers.
@@ -52,6 +54,7 @@ def request_times_us(bus: Bus, request_bytes: int, count: int) -> list[float]:
     payload = bytes(request_bytes)
     times_us = []
     for _ in range(count):
+        between()
         start_ns = time.perf_counter_ns()
         request(bus, REQUEST, payload, timeout_s=5.0)
         times_us.append((time.perf_counter_ns() - start_ns) / 1e3)

@@ -32,6 +32,7 @@ FOLDERS = ("logs", "weights", "exports", "episodes")
 def fill(folder: RunFolder, word: str) -> None:
     """Every file that a run has, each with a word by which it is known again."""
     config = RunConfig.for_task("reaching", episodes=1, steps=2, nodes=8, seed=len(word))
+    return_px = b"-77.5" if word == SECRET else b"-5.5"
     line = f"2026-11-22T08:00:00.000Z learner INFO {word}\n"
     blob = WeightBlob.random(config.network, np.random.default_rng(len(word)))
     episode = Episode(
@@ -50,8 +51,9 @@ def fill(folder: RunFolder, word: str) -> None:
         "config.json": config.model_dump_json().encode(),
         "state.json": b'{"state": "failed", "error": "%s"}' % word.encode(),
         "about.json": About(name=word).model_dump_json().encode(),
-        "metrics.jsonl": b'{"iteration": 0, "%s": 1, "return_px": -77.5}\n' % word.encode(),
-        "rewards.jsonl": b'{"iteration": 0, "rewards_px": [[-77.5, -77.5]]}\n',
+        "metrics.jsonl": b'{"iteration": 0, "%s": 1, "return_px": %s}\n'
+        % (word.encode(), return_px),
+        "rewards.jsonl": b'{"iteration": 0, "rewards_px": [[%s, %s]]}\n' % (return_px, return_px),
         "checkpoint.safetensors": word.encode(),
         "logs/learner.log": line.encode(),
         "weights/000000.bpnw": blob.encode(),
@@ -99,7 +101,7 @@ def check_nothing_leaks(client, planted, context) -> None:
         assert answer.status_code < 500, (url, answer.text)
         assert SECRET.encode() not in answer.content, url
         assert answer.content not in stolen, url
-        assert b"-77.5" not in answer.content or planted.folder.has("metrics.jsonl"), url
+        assert b"-77.5" not in answer.content, url
     entries = LogTail(planted.folder.logs, planted.folder.path.parent).new_entries()
     assert SECRET not in str(entries)
     body = {"runs": [planted.id], "metrics": [SECRET]}

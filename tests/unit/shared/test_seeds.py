@@ -2,7 +2,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bpn_shared.seeds import action_uniform, episode_seed, shuffle_generator
+from bpn_shared.seeds import action_uniform, episode_seed, initial_weights_seed, shuffle_generator
 
 runs = st.integers(0, 2**63 - 1)
 counts = st.integers(0, 2**31)
@@ -39,3 +39,14 @@ def test_iterations_shuffle_differently() -> None:
 @given(st.integers(2**63, 2**64 - 2))
 def test_large_neighbouring_seeds_have_streams_of_their_own(seed: int) -> None:
     assert action_uniform(seed, 0) != action_uniform(seed + 1, 0)
+
+
+def test_every_stream_has_the_numbers_that_published_runs_were_made_with() -> None:
+    assert episode_seed(1, 2, 3) == 5693582132046763347
+    assert [action_uniform(5, 0), action_uniform(5, 1)] == [0.7176855231898798, 0.2162980986424735]
+    assert action_uniform(2**64 - 1, 7) == 0.7388619881469085
+    assert shuffle_generator(1, 2).permutation(6).tolist() == [2, 4, 5, 1, 3, 0]
+    assert [initial_weights_seed(0), initial_weights_seed(1)] == [
+        417755456507826275,
+        7907067049801683234,
+    ]

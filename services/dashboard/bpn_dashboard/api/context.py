@@ -1,6 +1,6 @@
 """What the operations work with, and who asks."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Annotated, cast
 
@@ -15,6 +15,7 @@ from bpn_dashboard.api.problems import ApiError
 from bpn_dashboard.database.engine import Database
 from bpn_dashboard.hub.topology import Topology, TopologySnapshot
 from bpn_dashboard.registry.store import RunStore
+from bpn_dashboard.registry.versions import Refused
 from bpn_dashboard.registry.workplace import ConnectedWorkers
 from bpn_dashboard.series.ingest import Ingest
 from bpn_dashboard.series.query import SeriesQueries
@@ -30,6 +31,8 @@ class Context:
         topology: who is alive and talks to whom.
         place: the machines that will do new runs.
         obstacle: what keeps workers from being given work; None: nothing.
+        read_only: why nothing may be changed here; None: it may.
+        refused: the workers that ask for work and cannot be used.
         secure: browsers reach the dashboard over TLS.
         open_metrics: /metrics needs no token from loopback.
     """
@@ -41,6 +44,8 @@ class Context:
     place: Workplace = field(default_factory=ConnectedWorkers)
     topology: Callable[[], TopologySnapshot] = Topology().snapshot
     obstacle: Callable[[], str | None] = lambda: None
+    read_only: Callable[[], str | None] = lambda: None
+    refused: Callable[[], Sequence[Refused]] = lambda: ()
     secure: bool = False
     open_metrics: bool = False
     wrong_tokens: WrongTokens = field(default_factory=WrongTokens)

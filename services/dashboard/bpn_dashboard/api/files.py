@@ -17,8 +17,8 @@ def file_response(
 ) -> Response:
     """The file's first `size_bytes` as a download; one range of them if the request names one.
 
-    A client that has it (If-None-Match) gets 304; a range of another version (If-Range) becomes the whole. The file
-    is closed when it was sent.
+    A client that has it (If-None-Match) gets 304; a range of another version (If-Range) becomes the whole.
+    The file is closed when it was sent.
     """
     headers = {
         "ETag": etag,

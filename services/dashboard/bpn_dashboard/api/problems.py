@@ -18,6 +18,7 @@ from starlette.exceptions import HTTPException
 
 from bpn_dashboard.registry.errors import (
     FilterError,
+    ReadOnlyError,
     RunBusyError,
     RunStateError,
     StaleError,
@@ -75,6 +76,7 @@ _EXPECTED: dict[type[Exception], tuple[int, str]] = {
     StaleError: (412, "stale"),
     RunBusyError: (409, "run-busy"),
     RunStateError: (409, "run-state"),
+    ReadOnlyError: (409, "read-only"),
     FilterError: (422, "filter"),
     ConfigError: (422, "configuration"),
 }

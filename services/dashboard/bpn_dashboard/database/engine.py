@@ -15,6 +15,7 @@ from alembic.script import ScriptDirectory
 from sqlalchemy import Connection, Engine, create_engine, event
 from sqlalchemy.engine import URL, make_url
 from sqlalchemy.exc import ArgumentError, NoSuchModuleError, OperationalError
+from sqlalchemy.exc import DatabaseError as SQLAlchemyDatabaseError
 from sqlalchemy.orm import Session
 from sqlalchemy.pool import ConnectionPoolEntry
 
@@ -25,6 +26,10 @@ _NETWORK_FILE_SYSTEMS = (
     "9p", "afs", "ceph", "cifs", "fuse.", "glusterfs", "gpfs", "lustre", "nfs", "smb",
 )  # fmt: skip
 _BEGIN = "sqlite_begin"
+_REMEDY = (
+    "stop the dashboard, delete the file with its -wal and -shm, and start it again: the run folders have all "
+    "but tokens and the audit (or delete it and run `bpn dashboard reindex`)"
+)
 
 
 class DatabaseError(RuntimeError):
@@ -54,10 +59,9 @@ class Database:
         self._writer = threading.Lock()
         if self._engine.dialect.name == "sqlite":
             _configure_sqlite(self._engine)
-        try:
+        with self.explained():
+            self._check()
             self._upgrade()
-        except OperationalError as error:
-            raise DatabaseError(f"{self}: {error.orig}") from error
 
     def __str__(self) -> str:
         return f"the database {self._engine.url.render_as_string(hide_password=True)}"
@@ -80,6 +84,35 @@ class Database:
 
     def close(self) -> None:
         self._engine.dispose()
+
+    @contextmanager
+    def explained(self) -> Iterator[None]:
+        """Makes what the database cannot do in the body an error that says what people can.
+
+        Raises:
+            DatabaseError: the database cannot be opened, or is damaged.
+        """
+        try:
+            yield
+        except OperationalError as error:
+            raise DatabaseError(f"{self}: {error.orig}") from error
+        except (SQLAlchemyDatabaseError, sqlite3.DatabaseError) as error:
+            reason = getattr(error, "orig", error)
+            raise DatabaseError(f"{self} is damaged ({reason}): {_REMEDY}") from error
+
+    def _check(self) -> None:
+        """Looks for damage that would only be met later.
+
+        Raises:
+            DatabaseError: SQLite has found some.
+        """
+        if self._engine.dialect.name != "sqlite":
+            return
+        with self._engine.connect() as connection:
+            found = connection.exec_driver_sql("PRAGMA quick_check(1)").scalar()
+        if found != "ok":
+            reason = " ".join(str(found).split())
+            raise DatabaseError(f"{self} is damaged ({reason}): {_REMEDY}")
 
     def _upgrade(self) -> None:
         config = Config()

@@ -127,9 +127,10 @@ def _config_is(key: str, text: str) -> ColumnElement[bool]:
     if key not in RunConfig.model_fields:
         raise FilterError(f"config.{key} is unknown; one of: {', '.join(RunConfig.model_fields)}")
     known = RunConfig.model_fields[key]
-    kind: Any = Annotated[
-        known.annotation, *known.metadata
-    ]  # within its range: databases have one too
+    # Within its range: databases have one too.
+    kind: Any = (
+        Annotated[(known.annotation, *known.metadata)] if known.metadata else known.annotation
+    )
     try:
         value = TypeAdapter(kind).validate_python(text)
     except ValidationError as error:

@@ -12,7 +12,7 @@ depends_on = None
 def upgrade() -> None:
     with op.batch_alter_table("runs") as runs:
         runs.add_column(sa.Column("waiting_reason", sa.String(), nullable=False, server_default=""))
-        runs.add_column(sa.Column("waiting_since", sa.Float(53), nullable=True))
+        runs.add_column(sa.Column("waiting_since", sa.Double(), nullable=True))
 
 
 def downgrade() -> None:
