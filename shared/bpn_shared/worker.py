@@ -29,6 +29,16 @@ def service_name(kind: Role, slot: int) -> str:
     return kind if kind == "learner" and slot == 0 else f"{kind}-{slot}"
 
 
+def service_names(config: RunConfig) -> frozenset[str]:
+    """What all workers of a run are called in its logs."""
+    counts: dict[Role, int] = {
+        "learner": config.learners, "edge": config.robots, "robot_sim": config.robots,
+    }  # fmt: skip
+    return frozenset(
+        service_name(kind, slot) for kind, count in counts.items() for slot in range(count)
+    )
+
+
 @dataclass(frozen=True, kw_only=True)
 class WorkerProcess:
     """What every worker has whether it works or is idle: its identity, and how it stops and counts."""

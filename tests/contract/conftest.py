@@ -35,7 +35,7 @@ def server(open_bus: OpenBus, tmp_path: Path, wait_for: WaitFor) -> Iterator[Ser
 
     app = FastAPI(lifespan=lifespan)
     app.include_router(
-        live_route(lambda: made.view, lambda _connection: made.allowed, session_period_s=0.05)
+        live_route(lambda: made.view, lambda _connection: made.owner, session_period_s=0.05)
     )
     running = uvicorn.Server(
         uvicorn.Config(Guard(app), port=0, log_level="error", **UVICORN_OPTIONS)

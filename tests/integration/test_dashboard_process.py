@@ -239,7 +239,7 @@ def test_over_tls_pages_commands_and_the_live_view_work_with_a_self_made_certifi
         with browser:
             answer = browser.post("/api/v1/session", json={"token": link})
             cookie = answer.headers["set-cookie"]
-            assert cookie.startswith("__Host-bpn_session=")
+            assert cookie.startswith("__Host-bpn_session_")
             assert "Secure" in cookie
             assert browser.get("/").is_success
             assert browser.get("/api/v1/session").json()["role"] == "admin"

@@ -1,5 +1,6 @@
 """`bpn-learner`: hands out episodes, learns from them, publishes weights. Owns the run folder."""
 
+import contextlib
 import logging
 from collections.abc import Mapping
 from pathlib import Path
@@ -29,7 +30,7 @@ from bpn_shared.runs.ownership import Ownership
 from bpn_shared.version import written_by
 from bpn_shared.watchdog import EPISODES_STORED, EPOCHS_DONE
 from bpn_shared.weights import Weights
-from bpn_shared.worker import EXIT_FINISHED, EXIT_UNRECOVERABLE, Worker
+from bpn_shared.worker import EXIT_FINISHED, EXIT_UNRECOVERABLE, Worker, service_names
 
 log = logging.getLogger(__name__)
 
@@ -60,8 +61,7 @@ def serve(worker: Worker, runs_dir: Path) -> int:
     if worker.slot > 0:
         return serve_member(worker)
     folder = RunFolder.open(runs_dir, str(worker.run))
-    with folder.owned(worker.id) as owner:
-        collector = LogCollector(worker.bus, worker.run, folder.logs)
+    with folder.owned(worker.id) as owner, _collected_logs(worker, folder):
         try:
             insist("the attempt", owner.begin_attempt, waiting=worker.waiting, stop=worker.stop)
             _train(worker, owner)
@@ -71,8 +71,6 @@ def serve(worker: Worker, runs_dir: Path) -> int:
             log.error("%s", error)  # it would come again
             _say_failed(owner, str(error))
             return EXIT_UNRECOVERABLE
-        finally:
-            del collector
     return EXIT_FINISHED
 
 
@@ -82,6 +80,15 @@ def _say_failed(owner: Ownership, error: str) -> None:
         owner.set_state("failed", error=error)
     except (OSError, ConfigError) as why:
         log.error("the run's state cannot be written: %s", why)
+
+
+def _collected_logs(worker: Worker, folder: RunFolder) -> contextlib.AbstractContextManager[object]:
+    """Keeps what the run's other workers say."""
+    try:
+        services = service_names(folder.config())
+    except ConfigError:  # which who reads it next says
+        return contextlib.nullcontext()
+    return LogCollector(worker.bus, worker.run, folder.logs, services)
 
 
 def _train(worker: Worker, owner: Ownership) -> None:
