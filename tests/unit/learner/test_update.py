@@ -279,7 +279,7 @@ def test_progress_is_told_and_stop_is_asked_every_epoch() -> None:
     assert seen == [(1, 5), (2, 5)]
 
 
-def test_stop_is_asked_within_a_long_epoch() -> None:
+def test_stop_is_asked_within_a_long_epoch(monkeypatch: pytest.MonkeyPatch) -> None:
     network, asked = binary_network(), 0
 
     def stop() -> bool:
@@ -287,10 +287,9 @@ def test_stop_is_asked_within_a_long_epoch() -> None:
         asked += 1
         return asked == 2
 
-    minibatches = minibatches_per_epoch(len(transitions()), 2)
-    assert minibatches > 1
-    with pytest.MonkeyPatch.context() as patch, pytest.raises(UpdateStopped, match="after 0 of 1"):
-        patch.setattr("bpn_learner.update._STOP_EVERY", 1)
+    assert minibatches_per_epoch(len(transitions()), 2) > 1
+    monkeypatch.setattr("bpn_learner.update._STOP_EVERY", 1)
+    with pytest.raises(UpdateStopped, match="after 0 of 1"):
         policy_update(
             network,
             make_optimizer(network, 1e-3),
