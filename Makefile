@@ -9,7 +9,7 @@ PACKAGES := shared services/edge services/learner services/robot_sim services/da
 SOURCES := $(PACKAGES:%=%/bpn*)
 
 .DEFAULT_GOAL := help
-.PHONY: help up test test-browser test-containers test-chaos test-fresh-machine screenshots lint check-claims format bench bench-sweep reproduce reproduce-quick doctor clean
+.PHONY: help up test mutants test-browser test-containers test-chaos test-fresh-machine screenshots lint check-claims format bench bench-sweep reproduce reproduce-quick doctor clean
 
 help:            ## this list
 	@grep -hE '^[a-z-]+: .*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 20
@@ -37,6 +37,9 @@ test-chaos: $(INSTALLED) ## every fault that containers may have in the middle o
 
 test-fresh-machine: ## the README's two commands in a bare container, as root and as a normal user (half an hour; any Docker Engine)
 	deploy/fresh-machine.sh
+
+mutants: $(INSTALLED) ## how many faults the tests notice, sampled and aimed ones (hours; goes on where it was; MUTANTS="--sample N --seed S")
+	$(BIN)/python -m tests.mutants $(MUTANTS)
 
 lint: $(INSTALLED) check-claims ## ruff, mypy --strict, import-linter; prettier, svelte-check and vitest for the web UI; check-claims
 	$(BIN)/ruff check .

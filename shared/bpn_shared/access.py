@@ -130,6 +130,7 @@ CHANNELS: tuple[Channel, ...] = (
     Channel(keys.live(ANY, ANY), "token", takers=("dashboard",)),
     # Who works where
     Channel(keys.lease_request(), "request", WORKERS, ("dashboard",)),
+    Channel(keys.serving(ANY, ANY, ANY), "token", ("dashboard",), ("dashboard",)),
     *(Channel(keys.lease(ANY, role, ANY, ANY), "token", (role,)) for role in WORKERS),
     Channel(keys.lease(ANY, ANY, ANY, ANY), "token", takers=("dashboard",)),
     *(Channel(keys.control(role, ANY), "request", ("dashboard",), (role,)) for role in WORKERS),

@@ -100,6 +100,11 @@ def lease_request() -> str:
     return "bpn/registry/lease"
 
 
+def serving(host: str, pid: str, name: str) -> str:
+    """Liveliness token of the dashboard whose registry serves the router."""
+    return f"bpn/registry/serving/{host}/{pid}/{name}"
+
+
 def lease(run: Run, role: str, slot: Slot, worker: str) -> str:
     """Liveliness token of a worker at a place: what the registry knows of leases."""
     return f"bpn/lease/{run}/{role}/{slot}/{worker}"

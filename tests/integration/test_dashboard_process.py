@@ -18,7 +18,7 @@ from websockets.sync.client import connect
 from bpn.cli import main
 from bpn.dashboard import Dashboard
 from bpn_certificates.authority import Validity, issue, new_authority
-from bpn_dashboard.service import ADDRESS_FILE
+from bpn_dashboard.state_lock import ADDRESS_FILE
 from bpn_shared.config import RunConfig
 from bpn_shared.runs.folder import RunFolder
 
@@ -239,7 +239,7 @@ def test_over_tls_pages_commands_and_the_live_view_work_with_a_self_made_certifi
         with browser:
             answer = browser.post("/api/v1/session", json={"token": link})
             cookie = answer.headers["set-cookie"]
-            assert cookie.startswith("__Host-bpn_session=")
+            assert cookie.startswith("__Host-bpn_session_")
             assert "Secure" in cookie
             assert browser.get("/").is_success
             assert browser.get("/api/v1/session").json()["role"] == "admin"

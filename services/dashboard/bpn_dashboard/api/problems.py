@@ -16,8 +16,10 @@ from pydantic import BaseModel, Field
 from sqlalchemy.exc import DataError, OperationalError
 from starlette.exceptions import HTTPException
 
+from bpn_dashboard.access.tokens import RevokedError
 from bpn_dashboard.registry.errors import (
     FilterError,
+    ReadOnlyError,
     RunBusyError,
     RunStateError,
     StaleError,
@@ -75,8 +77,10 @@ _EXPECTED: dict[type[Exception], tuple[int, str]] = {
     StaleError: (412, "stale"),
     RunBusyError: (409, "run-busy"),
     RunStateError: (409, "run-state"),
+    ReadOnlyError: (409, "read-only"),
     FilterError: (422, "filter"),
     ConfigError: (422, "configuration"),
+    RevokedError: (401, "not-logged-in"),
 }
 
 

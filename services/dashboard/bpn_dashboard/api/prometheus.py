@@ -33,9 +33,32 @@ class _Dashboard(Collector):
         with self._parts.database.reading() as session:
             counted = select(RunRow.state, func.count()).group_by(RunRow.state)
             counts = {str(state): count for state, count in session.execute(counted)}
+            waiting = select(RunRow.id, RunRow.task, RunRow.state).where(
+                RunRow.waiting_reason != "", RunRow.archived_at.is_(None)
+            )
+            stalled = [row for row in session.execute(waiting) if row.state != "queued"]
         for state in STATES:  # with zeros: what rises from nothing shall be seen to rise
             runs.add_metric([state], counts.get(state, 0))
         yield runs
+        stalls = GaugeMetricFamily(
+            "bpn_run_stalled",
+            "Runs that make no progress though they shall.",
+            labels=["run", "task"],
+        )
+        for row in stalled:
+            stalls.add_metric([row.id, row.task], 1)
+        yield stalls
+        yield GaugeMetricFamily("bpn_runs_stalled", "How many these are.", len(stalled))
+        yield GaugeMetricFamily(
+            "bpn_run_folders_unreadable",
+            "Folders that should be runs' and cannot be read.",
+            len(self._parts.runs.index.unreadable()),
+        )
+        yield GaugeMetricFamily(
+            "bpn_workers_refused",
+            "Workers that ask for work and cannot be used.",
+            len(self._parts.refused()),
+        )
         build = InfoMetricFamily("bpn_build", "The program.", labels=[])
         build.add_metric([], {"version": VERSION, "protocol": str(PROTOCOL)})
         yield build

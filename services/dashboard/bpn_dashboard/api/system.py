@@ -10,6 +10,7 @@ from bpn_dashboard.api.context import Admin, Parts, Viewer
 from bpn_dashboard.api.problems import ApiError, responses
 from bpn_dashboard.database.tables import AuditRow
 from bpn_dashboard.hub.topology import TopologySnapshot
+from bpn_shared.version import PROTOCOL, VERSION
 
 router = APIRouter(tags=["system"])
 health_router = APIRouter(tags=["health"])
@@ -43,6 +44,32 @@ class AuditQuery(BaseModel):
     limit: Annotated[int, Field(ge=1, le=200)] = 50
 
 
+class UnreadableFolder(BaseModel):
+    """A folder that should be a run's, and is not shown, or not wholly."""
+
+    folder: str
+    reason: str
+
+
+class RefusedWorker(BaseModel):
+    """A worker that asks for work and cannot be used."""
+
+    kind: str
+    id: str
+    reason: str
+
+
+class SystemStatus(BaseModel):
+    """What is wrong with the whole, if anything is."""
+
+    version: str
+    protocol: int
+    obstacle: Annotated[str | None, Field(description="what keeps workers from being given work")]
+    read_only: Annotated[str | None, Field(description="why nothing may be changed here")]
+    refused_workers: list[RefusedWorker]
+    unreadable_folders: list[UnreadableFolder]
+
+
 class Health(BaseModel):
     """The server answers."""
 
@@ -53,6 +80,25 @@ class Health(BaseModel):
 def get_topology(_who: Viewer, parts: Parts) -> TopologySnapshot:
     """Who is alive, what each waits for, and what flows between them."""
     return parts.topology()
+
+
+@router.get("/system/status", operation_id="getSystemStatus")
+def get_status(_who: Viewer, parts: Parts) -> SystemStatus:
+    """What keeps runs from going on or from being shown, apart from the runs themselves."""
+    unreadable = parts.runs.index.unreadable()
+    return SystemStatus(
+        version=VERSION,
+        protocol=PROTOCOL,
+        obstacle=parts.obstacle(),
+        read_only=parts.read_only(),
+        refused_workers=[
+            RefusedWorker(kind=refused.role, id=refused.worker, reason=refused.reason)
+            for refused in parts.refused()
+        ],
+        unreadable_folders=[
+            UnreadableFolder(folder=name, reason=reason) for name, reason in unreadable.items()
+        ],
+    )
 
 
 @router.get("/audit", operation_id="listAudit", responses=responses(422))

@@ -1,9 +1,10 @@
 """One database: SQLite in write-ahead mode by default, or whatever a SQLAlchemy URL names."""
 
+import os
 import sqlite3
 import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,7 @@ from alembic.script import ScriptDirectory
 from sqlalchemy import Connection, Engine, create_engine, event
 from sqlalchemy.engine import URL, make_url
 from sqlalchemy.exc import ArgumentError, NoSuchModuleError, OperationalError
+from sqlalchemy.exc import DatabaseError as SQLAlchemyDatabaseError
 from sqlalchemy.orm import Session
 from sqlalchemy.pool import ConnectionPoolEntry
 
@@ -25,6 +27,10 @@ _NETWORK_FILE_SYSTEMS = (
     "9p", "afs", "ceph", "cifs", "fuse.", "glusterfs", "gpfs", "lustre", "nfs", "smb",
 )  # fmt: skip
 _BEGIN = "sqlite_begin"
+_REMEDY = (
+    "stop the dashboard, delete the file with its -wal and -shm, and start it again: the run folders have all "
+    "but tokens and the audit (or delete it and run `bpn dashboard reindex`)"
+)
 
 
 class DatabaseError(RuntimeError):
@@ -54,10 +60,9 @@ class Database:
         self._writer = threading.Lock()
         if self._engine.dialect.name == "sqlite":
             _configure_sqlite(self._engine)
-        try:
+        with self.explained():
+            self._check()
             self._upgrade()
-        except OperationalError as error:
-            raise DatabaseError(f"{self}: {error.orig}") from error
 
     def __str__(self) -> str:
         return f"the database {self._engine.url.render_as_string(hide_password=True)}"
@@ -80,6 +85,35 @@ class Database:
 
     def close(self) -> None:
         self._engine.dispose()
+
+    @contextmanager
+    def explained(self) -> Iterator[None]:
+        """Makes what the database cannot do in the body an error that says what people can.
+
+        Raises:
+            DatabaseError: the database cannot be opened, or is damaged.
+        """
+        try:
+            yield
+        except OperationalError as error:
+            raise DatabaseError(f"{self}: {error.orig}") from error
+        except (SQLAlchemyDatabaseError, sqlite3.DatabaseError) as error:
+            reason = getattr(error, "orig", error)
+            raise DatabaseError(f"{self} is damaged ({reason}): {_REMEDY}") from error
+
+    def _check(self) -> None:
+        """Looks for damage that would only be met later.
+
+        Raises:
+            DatabaseError: SQLite has found some.
+        """
+        if self._engine.dialect.name != "sqlite":
+            return
+        with self._engine.connect() as connection:
+            found = connection.exec_driver_sql("PRAGMA quick_check(1)").scalar()
+        if found != "ok":
+            reason = " ".join(str(found).split())
+            raise DatabaseError(f"{self} is damaged ({reason}): {_REMEDY}")
 
     def _upgrade(self) -> None:
         config = Config()
@@ -120,6 +154,7 @@ def _configure_sqlite(engine: Engine) -> None:
         raise DatabaseError("SQLite needs a file, such as sqlite:////data/dashboard.sqlite")
     path = Path(file).resolve()
     path.parent.mkdir(parents=True, exist_ok=True)
+    _make_private(path)
     journal = "DELETE" if is_on_network(path) else "WAL"  # WAL needs memory shared by all its users
 
     def connected(raw: sqlite3.Connection, _entry: ConnectionPoolEntry) -> None:
@@ -137,6 +172,17 @@ def _configure_sqlite(engine: Engine) -> None:
 
     event.listen(engine, "connect", connected)
     event.listen(engine, "begin", begin)
+
+
+def _make_private(path: Path) -> None:
+    """Its user's alone, as the files that SQLite puts beside it then are: it holds keys and who did what."""
+    with suppress(
+        OSError
+    ):  # SQLite says why it cannot be opened, and another user's is that user's to protect
+        os.close(os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600))
+        path.chmod(0o600)
+        for end in ("-wal", "-shm"):
+            path.with_name(path.name + end).chmod(0o600)
 
 
 def is_on_network(path: Path) -> bool:

@@ -15,6 +15,7 @@ from typing import Literal
 from pydantic import BaseModel, ConfigDict
 
 from bpn_shared import keys
+from bpn_shared.access import CHANNELS
 from bpn_shared.messages.telemetry import KeyTraffic, Percentiles, Telemetry, WeightsEvent
 
 STALE_AFTER_S = 3.0
@@ -26,7 +27,17 @@ _KEPT_LOADS = 20
 
 NodeState = Literal["live", "stale", "dead"]
 _RUN_OF_KEY = re.compile(r"bpn/([0-9a-f]{8}(?:-[0-9a-f]{4}){3}-[0-9a-f]{12})/")
-_REQUESTS = frozenset({"config", "next", "reset", "episode"})
+
+
+def _requests() -> frozenset[str]:
+    """The last parts of the keys at which only requests travel."""
+    names: dict[str, set[str]] = {"request": set(), "stream": set(), "token": set()}
+    for channel in CHANNELS:
+        names[channel.way].add(channel.key.rsplit("/", 1)[-1])
+    return frozenset(names["request"] - names["stream"])
+
+
+_REQUESTS = _requests()
 
 
 class _Model(BaseModel):
@@ -74,6 +85,8 @@ class Node(_Model):
     Attributes:
         age_s: since the last report; None before the first.
         waiting_s: how long it has waited, as of now.
+        refusals: by counter, why the newest of what it counts was refused.
+        version, protocol: of its program.
     """
 
     kind: str
@@ -90,6 +103,9 @@ class Node(_Model):
     cpu_percent: float | None = None
     rss_bytes: int | None = None
     counters: dict[str, int] = {}
+    refusals: dict[str, str] = {}
+    version: str = ""
+    protocol: int | None = None
     weights: dict[WeightsEvent, Weights] = {}
     latencies: dict[str, Percentiles] = {}
     flows: list[Flow] = []
@@ -256,6 +272,7 @@ def _node(known: _Known, now_s: float) -> Node:
         **report.model_dump(
             include={
                 "run", "slot", "host", "pid", "uptime_s", "waiting_for", "cpu_percent", "rss_bytes", "counters",
+                "refusals", "version", "protocol",
             }
         ),
         waiting_s=round(report.waiting_s + age_s, 3) if report.waiting_for else 0.0,

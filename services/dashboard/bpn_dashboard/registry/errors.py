@@ -31,5 +31,9 @@ class RunStateError(RegistryError):
     """A run in this state cannot do that."""
 
 
+class ReadOnlyError(RegistryError):
+    """Another dashboard serves the router; the message says which."""
+
+
 class FilterError(RegistryError):
     """A filter, sort key or cursor is not one; the message names it and those there are."""

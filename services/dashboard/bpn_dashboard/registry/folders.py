@@ -58,7 +58,7 @@ def why_none(folder: RunFolder) -> str | None:
         return f"{folder.path}: a link, which is not followed"
     if folder.is_complete():
         return None
-    missing = [name for name in _FILES[:2] if not (folder.path / name).is_file()]
+    missing = [name for name in _FILES[:2] if not folder.has(name)]
     return f"{folder.path}: {' and '.join(missing) or 'a file'} is not there, or not yet"
 
 
@@ -105,7 +105,7 @@ def row_of(folder: RunFolder, about: About | None = None) -> RunRow:
 def _shown_at_least(folder: RunFolder, unreadable: ConfigError) -> dict[str, Any]:
     """The values of a configuration that cannot be read, if they are enough for a row."""
     try:
-        values = _OBJECT.validate_json((folder.path / "config.json").read_bytes())
+        values = _OBJECT.validate_json(folder.read_file("config.json"))
     except (OSError, ValidationError):
         raise unreadable from None
     texts = all(isinstance(values.get(name), str) for name in ("task", "algorithm"))

@@ -17,6 +17,7 @@ from bpn_dashboard.database.engine import Database
 from bpn_dashboard.database.tables import RunRow, SweepRow
 from bpn_dashboard.registry.about import About, SweepFile
 from bpn_dashboard.registry.errors import (
+    ReadOnlyError,
     RunBusyError,
     RunStateError,
     StaleError,
@@ -46,10 +47,17 @@ class RunStore:
 
     Args:
         runs_dir: where the run folders are.
+        read_only: why people may change nothing now; None: they may.
     """
 
-    def __init__(self, database: Database, runs_dir: Path) -> None:
-        self._database = database
+    def __init__(
+        self,
+        database: Database,
+        runs_dir: Path,
+        *,
+        read_only: Callable[[], str | None] = lambda: None,
+    ) -> None:
+        self._database, self._read_only = database, read_only
         self.runs_dir = runs_dir
         self._listeners: list[Listener] = []
         self.index = Index(database, runs_dir)
@@ -57,6 +65,14 @@ class RunStore:
     def subscribe(self, listener: Listener) -> None:
         """From now on `listener` hears of every change, after it is stored."""
         self._listeners.append(listener)
+
+    def unsubscribe(self, listener: Listener) -> None:
+        """Ends that."""
+        self._listeners.remove(listener)
+
+    def _check_writable(self) -> None:
+        if (reason := self._read_only()) is not None:
+            raise ReadOnlyError(reason)
 
     def folder(self, run_id: str) -> RunFolder:
         """The folder of a run, which has an id as the registry makes them."""
@@ -117,8 +133,10 @@ class RunStore:
         """A new run, in the queue for workers.
 
         Raises:
+            ReadOnlyError: another dashboard serves the router.
             OSError: its folder cannot be made, as on a full disk; nothing of it is left.
         """
+        self._check_writable()
         with self.index.making, ExitStack() as undo:
             row = self._new_run(undo, config, name=name, notes=notes, tags=tags, sweep_id=None)
             with self._database.writing() as session:
@@ -238,6 +256,7 @@ class RunStore:
         self, run_id: str, action: str, actor: str, decide: Callable[[RunRow], Changes]
     ) -> RunRow:
         """Makes the changes that `decide` finds for the row as it is now; nothing if it raises."""
+        self._check_writable()
         with self._database.writing() as session:
             row = _run(session, run_id)
             changes = decide(row)
@@ -271,7 +290,7 @@ class RunStore:
             return list(session.scalars(select(RunRow).where(RunRow.id.in_(ids)))) if ids else []
 
     def _tell(self, rows: Sequence[RunRow]) -> None:
-        for listener in self._listeners if rows else ():
+        for listener in tuple(self._listeners) if rows else ():
             listener(rows)
 
     # Sweeps
@@ -296,6 +315,7 @@ class RunStore:
             ConfigError: a key or value of configuration or grid is wrong; nothing was made.
             OSError: a folder cannot be made, as on a full disk; nothing of the sweep is left.
         """
+        self._check_writable()
         runs = expand(config, grid, seeds, place)
         sweep = SweepRow(
             id=_new_id(), name=name, config=dict(config), seeds=list(seeds), created_at=time.time(),
