@@ -10,6 +10,7 @@ import pytest
 import uvicorn
 from fastapi import FastAPI
 from live_view import OpenBus, Server, Tab, WaitFor
+from loop_parts import Running
 from registry_world import Puppet, Registry
 
 from bpn_dashboard.access.guard import Guard
@@ -61,6 +62,20 @@ def tab(server: Server) -> Iterator[Callable[..., Tab]]:
     yield open_tab
     for each in opened:
         each.close()
+
+
+@pytest.fixture
+def running(open_bus: OpenBus) -> Iterator[Callable[..., Running]]:
+    """Starts services that end with the test, and must end well."""
+    started: list[Running] = []
+
+    def start(*arguments: Any) -> Running:
+        started.append(Running(open_bus(), *arguments))
+        return started[-1]
+
+    yield start
+    for each in started:
+        each.end()
 
 
 @pytest.fixture

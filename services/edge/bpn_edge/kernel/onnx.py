@@ -62,8 +62,11 @@ class OnnxKernel:
         preferences: npt.NDArray[np.float32] = session.run(None, {_INPUT: _pixels(observation)})[0][
             0
         ]
-        if not np.isfinite(preferences).all():
-            raise OutputError(f"P is {preferences.tolist()}: no action can be chosen by it")
+        broken = np.count_nonzero(~np.isfinite(preferences))
+        if broken:
+            raise OutputError(
+                f"{broken} of the {preferences.size} outputs are not finite: no action can be chosen by them"
+            )
         return preferences
 
 
