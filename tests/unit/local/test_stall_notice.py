@@ -14,7 +14,8 @@ def test_a_reason_is_said_once_another_one_again_and_the_end_once() -> None:
     said: list[str] = []
     notice = StallNotice(said.append)
     for reason, for_s in [
-        ("", 1), ("2 runs before it", 3), ("it waits", 30), ("it waits", 31), ("it is full", 40), ("it is full", 50), ("", 0), ("", 0),
+        ("", 1), ("2 runs before it", 3), ("it waits", 30), ("it waits", 31),
+        ("it is full", 40), ("it is full", 50), ("", 0), ("", 0),
     ]:  # fmt: skip
         notice.update(reason, for_s)
     assert said == [
