@@ -8,6 +8,7 @@ from pathlib import Path
 from bpn_learner.checkpoint import CheckpointError
 from bpn_learner.episodes import DataError
 from bpn_learner.group import GroupLostError
+from bpn_learner.initial import has_gpu
 from bpn_learner.ledger import EpisodeLedger
 from bpn_learner.member import serve_member
 from bpn_learner.refusals import EpisodeImpossibleError
@@ -175,4 +176,5 @@ def main(argv: list[str] | None = None) -> int:
         options,
         lambda worker: serve(worker, options.runs_dir),
         holds_on_s=options.give_up_after,
+        gpu=has_gpu(),
     )
