@@ -88,7 +88,7 @@ def pool(
 def config(small: list[str]) -> dict[str, Any]:
     """The small run as the dashboard takes it."""
     parser = argparse.ArgumentParser()
-    add_run_options(parser)
+    add_run_options(parser, small)
     given = {key: value for key, value in vars(parser.parse_args(small)).items() if value}
     return {"task": "reaching"} | {key: int(value) for key, value in given.items()}
 
