@@ -82,6 +82,9 @@ def test_metrics_need_a_token_unless_opened_to_loopback(application, client_of, 
         ("localhost:8000", 200), ("127.0.0.1", 200), ("[::1]:8000", 200), ("dashboard.example", 200),
         ("DASHBOARD.example:1", 200), ("evil.example", 421), ("localhost.evil.example", 421),
         ("", 421), ("[", 421), ("10.0.0.1", 421), ("localhost@evil.example", 421),
+        ("evil.com@localhost", 421), ("localhost/evil", 421), ("localhost#x", 421), ("localhost:abc", 421),
+        ("localhost:8591:evil", 421), ("[::1", 421), ("::1", 421), ("localhost:", 421), ("localhost?", 421),
+        ("LOCALHOST", 200), ("localhost:999999", 421),
     ],
 )  # fmt: skip
 def test_only_known_hosts_are_served(client, host, status) -> None:
@@ -99,6 +102,9 @@ def test_only_known_hosts_are_served(client, host, status) -> None:
         ({"Origin": "http://localhost:9000"}, False),
         ({"Origin": "http://evil.example"}, False),
         ({"Origin": "null"}, False),
+        ({"Origin": "http://[::1"}, False),
+        ({"Origin": ""}, False),
+        ({"Origin": "http://localhost:8000@evil.example"}, False),
         ({"Origin": "http://localhost:8000.evil.example"}, False),
         ({"Origin": "file://localhost:8000"}, False),
         ({"Sec-Fetch-Site": "same-origin"}, True),
@@ -140,6 +146,21 @@ def test_web_sockets_come_from_our_own_pages(headers, allowed) -> None:
     with expectation as refusal, client.websocket_connect(url, headers=headers):
         pass
     assert allowed or refusal.value.code == 4403
+
+
+def test_each_of_several_origins_must_be_ours(client) -> None:
+    ours, other = b"http://localhost:8000", b"http://evil.example"
+    for origins in ((ours, other), (other, ours)):
+        headers = [(b"origin", origin) for origin in origins]
+        answer = client.post("/api/v1/runs", json={"config": {"task": "reaching"}}, headers=headers)
+        assert answer.status_code == 403
+
+
+def test_ids_of_requests_are_the_servers_own(client) -> None:
+    asked = "id-of-somebody-elses-request"
+    answer = client.get("/api/v1/runs/unknown", headers={"X-Request-Id": asked})
+    assert answer.headers["x-request-id"] != asked
+    assert answer.json()["request_id"] == answer.headers["x-request-id"]
 
 
 def test_a_link_becomes_a_session_once(client_of, context) -> None:
