@@ -9,7 +9,7 @@ PACKAGES := shared services/edge services/learner services/robot_sim services/da
 SOURCES := $(PACKAGES:%=%/bpn*)
 
 .DEFAULT_GOAL := help
-.PHONY: help up test test-sanitized fuzz test-browser test-containers test-chaos test-fresh-machine screenshots lint format bench bench-sweep reproduce reproduce-quick doctor clean
+.PHONY: help up test mutants fuzz test-sanitized test-browser test-containers test-chaos test-fresh-machine screenshots lint check-claims format bench bench-sweep reproduce reproduce-quick doctor clean
 
 help:            ## this list
 	@grep -hE '^[a-z-]+: .*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 20
@@ -42,19 +42,26 @@ screenshots: $(INSTALLED) ## the pictures of the web UI in docs/dashboard, and h
 test-containers: $(INSTALLED) ## build the images, run the whole loop in containers (any Docker Engine from 25 on)
 	BPN_CONTAINERS=1 $(BIN)/pytest tests/containers
 
-test-chaos: $(INSTALLED) ## every fault that containers may have in the middle of a run (about a quarter of an hour)
+test-chaos: $(INSTALLED) ## every fault that containers may have in the middle of a run (about half an hour), and to a run's files
+	BPN_CHAOS=1 $(BIN)/pytest tests/chaos/test_flip_anything.py
 	BPN_CONTAINERS=1 BPN_CHAOS=1 $(BIN)/pytest -s tests/containers/test_chaos.py tests/containers/test_full_disk.py
 
 test-fresh-machine: ## the README's two commands in a bare container, as root and as a normal user (half an hour; any Docker Engine)
 	deploy/fresh-machine.sh
 
-lint: $(INSTALLED) ## ruff, mypy --strict, import-linter; prettier, svelte-check and vitest for the web UI
+mutants: $(INSTALLED) ## how many faults the tests notice, sampled and aimed ones (hours; goes on where it was; MUTANTS="--sample N --seed S")
+	$(BIN)/python -m tests.mutants $(MUTANTS)
+
+lint: $(INSTALLED) check-claims ## ruff, mypy --strict, import-linter; prettier, svelte-check and vitest for the web UI; check-claims
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy -p bpn_shared -p bpn_edge -p bpn_learner -p bpn_robot_sim -p bpn_dashboard -p bpn_certificates -p bpn
-	$(BIN)/mypy bench
+	$(BIN)/mypy bench checks
 	$(BIN)/lint-imports --no-logo
 	$(BIN)/python services/dashboard/hatch_build.py types check test
+
+check-claims: $(INSTALLED) ## figures in the pages against the results that they are from, links and anchors against what is there
+	$(BIN)/python -m checks
 
 format: $(INSTALLED) ## write code as ruff wants it
 	$(BIN)/ruff check --fix .

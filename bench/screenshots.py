@@ -1,7 +1,7 @@
 """The pictures of the web UI in docs/dashboard, and how long a newcomer waits for them.
 
 Starts `bpn up` in an empty runs folder, opens the link that it prints, and fails unless a learning curve is drawn
-and a camera moves within a minute. Then a small sweep, so that there is something to compare. About four
+and a camera moves within a minute. Then a sweep, long enough that its curves say something. About ten
 minutes on two cores:
 
     make screenshots
@@ -28,13 +28,13 @@ from playwright.sync_api import Page, ViewportSize, expect, sync_playwright
 
 PICTURES = Path(__file__).resolve().parents[1] / "docs" / "dashboard"
 NEWCOMER_S = 60.0
-DEADLINE_S = 300.0
+DEADLINE_S, SWEEP_DEADLINE_S = 300.0, 1200.0
 SIZE_PX: ViewportSize = {"width": 1280, "height": 800}
 THEMES: tuple[Literal["light"], Literal["dark"]] = ("light", "dark")
 COLOURS = 160
 SWEEP = {
     "name": "alpha by nodes",
-    "config": {"task": "reaching", "iterations": 5},
+    "config": {"task": "reaching", "iterations": 12},
     "grid": {"alpha": [0.5, 0.8, 0.95], "nodes": [64, 256]},
     "seeds": [0, 1],
 }
@@ -130,11 +130,11 @@ class Visit:
                  figure.getBoundingClientRect().top > innerHeight || figure.dataset.ready === 'true')"""
         )
 
-    def wait(self, condition: Callable[[], bool], what: str) -> None:
-        deadline_s = time.monotonic() + DEADLINE_S
+    def wait(self, condition: Callable[[], bool], what: str, timeout_s: float = DEADLINE_S) -> None:
+        deadline_s = time.monotonic() + timeout_s
         while not condition():
             if time.monotonic() > deadline_s:
-                raise SystemExit(f"waited {DEADLINE_S:.0f} s for {what}")
+                raise SystemExit(f"waited {timeout_s:.0f} s for {what}")
             self.page.wait_for_timeout(250)
 
 
@@ -191,7 +191,9 @@ def pictures_of_many(visit: Visit) -> None:
         found: dict[str, int] = visit.ask("GET", f"/sweeps/{sweep}")["states"]
         return found
 
-    visit.wait(lambda: states().get("finished", 0) >= 5, "the first runs of the sweep")
+    visit.wait(
+        lambda: states().get("finished", 0) >= 5, "the first runs of the sweep", SWEEP_DEADLINE_S
+    )
     visit.open("?page=runs&columns=name,state,algorithm,seed,config.alpha,config.nodes,"
                "iteration,return_last,return_best,updated")  # fmt: skip
     expect(page.get_by_role("region", name="Runs").get_by_role("rowheader")).to_have_count(13)
@@ -199,7 +201,7 @@ def pictures_of_many(visit: Visit) -> None:
     page.get_by_role("button", name="Start run").click()
     expect(page.get_by_role("dialog", name="Start a run")).to_be_visible()
     visit.take("start")
-    visit.wait(lambda: set(states()) == {"finished"}, "the end of the sweep")
+    visit.wait(lambda: set(states()) == {"finished"}, "the end of the sweep", SWEEP_DEADLINE_S)
     visit.open(f"?page=compare&sweep_id={sweep}")
     expect(page.get_by_role("application", name=re.compile("^Return"))).to_be_visible()
     visit.take("compare")

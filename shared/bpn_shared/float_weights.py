@@ -15,7 +15,7 @@ from uuid import UUID
 import numpy as np
 import numpy.typing as npt
 
-from bpn_shared.bnn.blob import NO_RUN, BlobError
+from bpn_shared.bnn.blob import NO_RUN, BlobError, Parameters
 from bpn_shared.bnn.spec import NetworkSpec
 
 Preferences = npt.NDArray[np.float32]
@@ -75,6 +75,10 @@ class FloatWeights:
         )
         digest.update(self.model)
         return digest.hexdigest()
+
+    def parameters(self) -> Parameters:
+        """The model, which holds every parameter, as what is read back from a kernel is compared with."""
+        return {"model": np.frombuffer(self.model, np.uint8)}
 
     def encode(self) -> bytes:
         """The policy as bytes."""

@@ -134,10 +134,15 @@ class Watchdog:
         reasons = [*self._reasons(now_s, around), *around.refused]
         if around.disk:
             reasons.append(around.disk)
-        return "; ".join(reasons[:_MOST_REASONS]) or "its learner computes"
+        if not reasons:
+            reasons = ["its learner computes" if self._learner() else "nobody reports from it"]
+        return "; ".join(reasons[:_MOST_REASONS])
+
+    def _learner(self) -> _Heard | None:
+        return next((h for h in self._heard.values() if _is_first_learner(h.report)), None)
 
     def _reasons(self, now_s: float, around: Circumstances) -> Iterator[str]:
-        learner = next((h for h in self._heard.values() if _is_first_learner(h.report)), None)
+        learner = self._learner()
         if learner is not None and now_s - learner.at_s > SILENT_AFTER_S:
             yield f"its owner {learner.report.worker} is silent since {_time(learner.report)}"
         if learner is None and around.owner:

@@ -8,6 +8,9 @@ from bpn_shared.float_weights import MAGIC as FLOAT_MAGIC
 from bpn_shared.float_weights import FloatWeights, max_encoded_size
 
 Weights = WeightBlob | FloatWeights
+Rank = tuple[int, int]
+NO_RANK: Rank = (-1, -1)
+"""Below every policy's."""
 
 _KINDS: dict[bytes, type[WeightBlob] | type[FloatWeights]] = {
     BINARY_MAGIC: WeightBlob,
@@ -25,6 +28,11 @@ def decode_weights(data: bytes) -> Weights:
     if kind is None:
         raise BlobError(f"starts with {data[:4]!r}, a policy starts with {sorted(_KINDS)}")
     return kind.decode(data)
+
+
+def rank_of(weights: Weights) -> Rank:
+    """What tells which of two policies of a run is newer: (attempt, version)."""
+    return weights.attempt, weights.version
 
 
 def network_kind(weights: Weights) -> NetworkKind:

@@ -10,11 +10,18 @@ import pytest
 import uvicorn
 from fastapi import FastAPI
 from live_view import OpenBus, Server, Tab, WaitFor
+from loop_parts import Running
+from registry_world import Puppet, Registry
 
 from bpn_dashboard.access.guard import Guard
+from bpn_dashboard.database.engine import Database, sqlite_url
 from bpn_dashboard.hub.hub import Hub
 from bpn_dashboard.hub.topology import Topology
 from bpn_dashboard.hub.websocket import UVICORN_OPTIONS, live_route
+from bpn_dashboard.registry import desk, losses, states
+from bpn_dashboard.registry.store import RunStore
+from bpn_shared.bus.session import Bus
+from bpn_shared.messages.lease import Role
 
 
 @pytest.fixture
@@ -55,3 +62,46 @@ def tab(server: Server) -> Iterator[Callable[..., Tab]]:
     yield open_tab
     for each in opened:
         each.close()
+
+
+@pytest.fixture
+def running(open_bus: OpenBus) -> Iterator[Callable[..., Running]]:
+    """Starts services that end with the test, and must end well."""
+    started: list[Running] = []
+
+    def start(*arguments: Any) -> Running:
+        started.append(Running(open_bus(), *arguments))
+        return started[-1]
+
+    yield start
+    for each in started:
+        each.end()
+
+
+@pytest.fixture
+def registry(
+    tmp_path: Path, open_bus: Callable[[], Bus], monkeypatch: pytest.MonkeyPatch
+) -> Iterator[Registry]:
+    """One that waits for nothing longer than it must."""
+    monkeypatch.setattr(desk, "SETTLE_S", 0.3)
+    monkeypatch.setattr(losses, "SURELY_DEAD_S", 0.2)
+    monkeypatch.setattr(states, "LOST_AFTER_S", 0.5)
+    database = Database(sqlite_url(tmp_path / "dashboard.sqlite"))
+    registry = Registry(RunStore(database, tmp_path / "runs"), open_bus)
+    registry.begin()
+    yield registry
+    registry.end()
+    database.close()
+
+
+@pytest.fixture
+def hire(open_bus: Callable[[], Bus]) -> Callable[[Role], Puppet]:
+    """Makes workers."""
+    made = 0
+
+    def make(role: Role) -> Puppet:
+        nonlocal made
+        made += 1
+        return Puppet(role, f"{role.replace('_', '-')}-{made}", open_bus)
+
+    return make

@@ -14,6 +14,7 @@ from bpn_shared.bus.session import Bus
 from bpn_shared.bus.weights import WeightsPublisher, WeightsSubscriber, _encode_header
 from bpn_shared.float_weights import FloatWeights
 from bpn_shared.service import Counters
+from bpn_shared.weights import NO_RANK
 
 OpenBus = Callable[[], Bus]
 WaitFor = Callable[..., None]
@@ -38,6 +39,7 @@ class Edge:
             SPEC,
             lambda policy: self.got.append((policy.attempt, policy.version)),
             self.counters,
+            held=lambda: max(self.got, default=NO_RANK),
             kind="binary",
         )
 

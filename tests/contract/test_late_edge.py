@@ -2,70 +2,20 @@
 
 import subprocess
 import sys
-import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import replace
-from uuid import UUID
 
 import numpy as np
 import pytest
+from learner_side import RUN, LearnerSide
 
-from bpn_shared import keys
 from bpn_shared.bnn import golden
 from bpn_shared.bnn.blob import WeightBlob
-from bpn_shared.bus.requests import Responder
 from bpn_shared.bus.session import Bus
-from bpn_shared.bus.weights import WeightsPublisher
 from bpn_shared.config import RunConfig
-from bpn_shared.messages.control import Assignment, EpisodeReceipt
 from bpn_shared.messages.episode import Episode
-from bpn_shared.seeds import episode_seed
-from bpn_shared.service import Counters
 
-RUN = UUID(int=21)
 CONFIG = RunConfig.for_task("reaching", nodes=16, steps=3)
-
-
-class LearnerSide:
-    """Assigns one episode of weights version 7 again and again; keeps what is delivered."""
-
-    def __init__(self, bus: Bus) -> None:
-        self.weights = WeightsPublisher(bus, RUN)
-        self.attempt = 1
-        self.delivered: list[Episode] = []
-        self.arrived = threading.Semaphore(0)
-        answers = {
-            keys.config(RUN): lambda _: CONFIG.model_dump_json().encode(),
-            keys.next_episode(RUN): lambda _: self._assignment(),
-            keys.episode(RUN): self._take,
-        }
-        counters = Counters()
-        self._responders = [Responder(bus, key, say, counters) for key, say in answers.items()]
-
-    def publish(self, attempt: int, version: int) -> WeightBlob:
-        rng = np.random.default_rng([attempt, version])
-        blob = replace(
-            WeightBlob.random(CONFIG.network, rng), run=RUN, attempt=attempt, version=version
-        )
-        self.weights.publish(blob)
-        return blob
-
-    def _assignment(self) -> bytes:
-        seed = episode_seed(CONFIG.seed, 0, 0)
-        assignment = Assignment(
-            verdict="play", seed=seed, weights_attempt=self.attempt, weights_version=7
-        )
-        return assignment.encode()
-
-    def _take(self, body: bytes) -> bytes:
-        self.delivered.append(Episode.decode(body, CONFIG.task_spec))
-        self.arrived.release()
-        return EpisodeReceipt(verdict="stored").encode()
-
-    def next_delivery(self) -> Episode:
-        assert self.arrived.acquire(timeout=30), "no episode was delivered within 30 s"
-        return self.delivered[-1]
 
 
 @contextmanager
@@ -81,7 +31,7 @@ def process(module: str, endpoint: str) -> Iterator[None]:
 
 @pytest.fixture
 def learner(open_bus: Callable[[], Bus]) -> LearnerSide:
-    return LearnerSide(open_bus())
+    return LearnerSide(open_bus(), CONFIG)
 
 
 def plays(episode: Episode, blob: WeightBlob) -> bool:

@@ -2,138 +2,26 @@
 
 import threading
 import time
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
-from pathlib import Path
+from collections.abc import Callable
 from typing import Any
 from uuid import UUID
 
 import pytest
+from registry_world import Puppet, Registry, WaitFor, state_of
 
-from bpn_dashboard.database.engine import Database, sqlite_url
-from bpn_dashboard.database.tables import RunRow
-from bpn_dashboard.registry import desk, losses, states
+from bpn_dashboard.registry import desk
 from bpn_dashboard.registry import dispatcher as dispatching
-from bpn_dashboard.registry.dispatcher import Dispatcher
-from bpn_dashboard.registry.store import RunStore
 from bpn_shared import keys
-from bpn_shared.bus.liveliness import AliveToken, Token
+from bpn_shared.bus.liveliness import Token
 from bpn_shared.bus.requests import RefusedError, Responder, request
 from bpn_shared.bus.session import Bus
 from bpn_shared.config import RunConfig
 from bpn_shared.leased import LeaseLoop
-from bpn_shared.messages.lease import LeaseReply, LeaseRequest, Release, ReleaseReply, Role
+from bpn_shared.messages.lease import LeaseReply, Role
 from bpn_shared.runs.folder import RunFolder
-from bpn_shared.service import Counters
-from bpn_shared.version import PROTOCOL
 from bpn_shared.worker import Worker, WorkerProcess
 
 CONFIG = RunConfig.for_task("reaching", iterations=3)
-WaitFor = Callable[..., None]
-
-
-@pytest.fixture(autouse=True)
-def quick(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(desk, "SETTLE_S", 0.3)
-    monkeypatch.setattr(losses, "SURELY_DEAD_S", 0.2)
-    monkeypatch.setattr(states, "LOST_AFTER_S", 0.5)
-
-
-@dataclass
-class Registry:
-    """A registry that can be ended and begun again."""
-
-    store: RunStore
-    open_bus: Callable[[], Bus]
-    running: Dispatcher | None = None
-
-    def begin(self) -> None:
-        self.bus = self.open_bus()
-        self.counters = Counters()
-        self.running = Dispatcher(self.bus, self.store, self.counters)
-        self.running.start()
-
-    def end(self) -> None:
-        if self.running is not None:
-            self.running.close()
-            self.bus.close()
-            self.running = None
-
-
-@pytest.fixture
-def registry(tmp_path: Path, open_bus: Callable[[], Bus]) -> Iterator[Registry]:
-    database = Database(sqlite_url(tmp_path / "dashboard.sqlite"))
-    registry = Registry(RunStore(database, tmp_path / "runs"), open_bus)
-    registry.begin()
-    yield registry
-    registry.end()
-    database.close()
-
-
-@dataclass
-class Puppet:
-    """A worker whose every move the test makes."""
-
-    role: Role
-    id: str
-    open_bus: Callable[[], Bus]
-    released: list[Release] = field(default_factory=list)
-
-    def __post_init__(self) -> None:
-        self.bus = self.open_bus()
-        self.alive = AliveToken(self.bus, self.role, self.id)
-        key = keys.control(self.role, self.id)
-        self.control = Responder(self.bus, key, self._release, Counters())
-
-    def _release(self, body: bytes) -> bytes:
-        self.released.append(Release.decode(body))
-        return ReleaseReply(working=True).encode()
-
-    def ask(self, **more: Any) -> LeaseReply:
-        body = LeaseRequest(role=self.role, worker=self.id, protocol=PROTOCOL, **more).encode()
-        return LeaseReply.decode(request(self.bus, keys.lease_request(), body, timeout_s=5.0))
-
-    def take(self, lease: LeaseReply) -> None:
-        assert lease.run is not None
-        self.work_bus = self.open_bus()
-        key = keys.lease(lease.run, self.role, lease.slot, self.id)
-        self.token = Token(self.work_bus, key)
-
-    def give_back(self) -> None:
-        self.work_bus.close()
-
-    def die(self) -> None:
-        self.bus.close()
-        self.work_bus.close()
-
-    def work(self, wait_for: WaitFor) -> LeaseReply:
-        """Asks until there is a lease, and takes it."""
-        answers: list[LeaseReply] = []
-
-        def granted() -> bool:
-            answers.append(self.ask())
-            return answers[-1].run is not None
-
-        wait_for(granted, f"a lease for {self.id}")
-        self.take(answers[-1])
-        return answers[-1]
-
-
-@pytest.fixture
-def hire(open_bus: Callable[[], Bus]) -> Callable[[Role], Puppet]:
-    """Makes workers."""
-    made = 0
-
-    def make(role: Role) -> Puppet:
-        nonlocal made
-        made += 1
-        return Puppet(role, f"{role.replace('_', '-')}-{made}", open_bus)
-
-    return make
-
-
-def state_of(registry: Registry, row: RunRow) -> str:
-    return registry.store.get(row.id).state
 
 
 def test_workers_get_the_oldest_run_and_lose_it_when_it_shall_stop(

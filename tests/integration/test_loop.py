@@ -10,8 +10,9 @@ import numpy as np
 import psutil
 import pytest
 import torch
+from prescribed import check_actions
 
-from bpn_learner.checkpoint import load_checkpoint
+from bpn_learner.checkpoint import decode_checkpoint
 from bpn_learner.networks import BinaryNetwork
 from bpn_learner.update import make_optimizer
 from bpn_shared.bnn import golden
@@ -67,6 +68,11 @@ def test_every_recorded_output_is_what_the_golden_model_says(undisturbed: dict[s
                 np.testing.assert_array_equal(golden.forward(blob, frame)[-1], outputs)
 
 
+def test_every_action_is_the_one_that_is_prescribed(undisturbed: dict[str, Any]) -> None:
+    folder = RunFolder.open(Path(undisturbed["runs_dir"]), undisturbed["run_id"])
+    assert check_actions(folder) == 48 * STEPS
+
+
 def test_after_training_the_folded_blob_is_the_evaluated_network(
     undisturbed: dict[str, Any],
 ) -> None:
@@ -76,7 +82,7 @@ def test_after_training_the_folded_blob_is_the_evaluated_network(
         config.network, scale_initial=config.scale_initial, generator=torch.Generator()
     )
     optimizer = make_optimizer(network, config.learning_rate)
-    assert load_checkpoint(folder.checkpoint_path, network, optimizer) == 4
+    assert decode_checkpoint(folder.checkpoint_path.read_bytes(), network, optimizer) == 4
     network.eval()
     blob = folder.newest_weights()
     frames = np.concatenate(

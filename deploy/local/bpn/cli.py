@@ -32,6 +32,7 @@ COMMANDS = {
     "train": Command("train", "train a policy"),
     "runs": Command("runs", "list, start and stop runs"),
     "eval": Command("evaluate", "play a trained policy"),
+    "verify": Command("verify", "recompute what a run says, in other code"),
     "reproduce": Command("reproduce", "make a figure or table of the paper"),
     "dashboard": Command("dashboard", "care of the dashboard's database"),
     "bench": Command("bench", "measure kernel, learner, learners, loop or dashboard"),

@@ -9,6 +9,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from shutil import disk_usage
 from typing import Any
 from uuid import UUID
 
@@ -18,16 +19,20 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from bpn.dashboard import Dashboard, DashboardAwayError
 from bpn.errors import CommandError
+from bpn.stall_notice import LocalStalls, StallNotice
 from bpn.supervisor import Supervisor, services_of_run
 from bpn_shared.bus.metrics import MetricsSubscriber
 from bpn_shared.bus.session import Bus
+from bpn_shared.bus.telemetry import TelemetryWatch
 from bpn_shared.config import ConfigError, RunConfig
 from bpn_shared.messages.metrics import MetricsBatch
 from bpn_shared.runs.folder import RunFolder, RunOwnedError, State
+from bpn_shared.service import Counters
 
 log = logging.getLogger(__name__)
 
 
+_FULL_BYTES = 2**20
 _POLL_S = 0.2
 _QUEUED_S = 3.0
 _STOP_S = 10.0
@@ -35,7 +40,7 @@ _AWAY_S = 60.0
 
 
 class RunFailedError(CommandError):
-    """The run cannot go on; the message says which service failed and where its log is."""
+    """The run cannot go on; the message says which service failed, why, and where its log is."""
 
 
 def new_run(runs_dir: Path, config: RunConfig) -> RunFolder:
@@ -59,13 +64,18 @@ def execute(
 ) -> None:
     """Runs the run and shows how it goes.
 
-    Prints one line per iteration to `out`; the progress bar goes to standard error if that is a terminal.
+    Prints one line per iteration to `out`; to standard error goes why there is no progress, where there is none,
+    and the progress bar if that is a terminal.
 
     Raises:
         ConfigError: somebody else is learning the run.
         RunFailedError: a service failed for good.
     """
-    display = _display(folder, folder.config(), endpoint, stop, out)
+    config = folder.config()
+    progress = _Display(folder, config, out)
+    notice = StallNotice(progress.warn)
+    stalls = LocalStalls(config.steps, folder.path, notice)
+    display = _display(progress, folder, endpoint, stop, stalls)
     run_to_end(folder, endpoint=endpoint, stop=stop, on_started=on_started, display=display)
 
 
@@ -91,6 +101,7 @@ def run_to_end(
             f"run {folder.run} is being learned already: wait for its end, or stop it where it runs"
         )
     config = folder.config()
+    folder.state()  # what cannot be read is said before anything starts
     supervisor = Supervisor(
         services_of_run(folder.run, config, folder.path.parent, endpoint), folder.logs
     )
@@ -102,11 +113,20 @@ def run_to_end(
     finally:
         supervisor.stop()
         end: State = "failed" if supervisor.failure else "stopped"
-        with contextlib.suppress(RunOwnedError):  # by a learner elsewhere, which says how it ends
-            folder.settle(end, error=supervisor.failure, by="bpn train")
-    if supervisor.failure:
-        reason = folder.state().error
-        raise RunFailedError(f"{supervisor.failure} in {folder.logs}\n{reason}".rstrip())
+        failure = supervisor.failure and f"{supervisor.failure}{_of_full_disk(folder.path)}"
+        try:
+            folder.settle(end, error=failure, by="bpn train")
+        except RunOwnedError:
+            pass  # a learner elsewhere has it, which says how it ends
+        except OSError as error:  # what failed before is to be told, not this alone
+            log.error("the run's state could not be written: %s", error)
+    if failure:
+        raise RunFailedError(f"run {folder.run} failed: {failure}")
+
+
+def _of_full_disk(path: Path) -> str:
+    """What a log cannot say where the disk is full."""
+    return f": no space left on the disk of {path}" if disk_usage(path).free < _FULL_BYTES else ""
 
 
 def follow(dashboard: Dashboard, folder: RunFolder, *, stop: threading.Event, out: Console) -> None:
@@ -117,55 +137,67 @@ def follow(dashboard: Dashboard, folder: RunFolder, *, stop: threading.Event, ou
     Raises:
         RunFailedError: the run failed, or the dashboard is gone.
     """
-    with _display(folder, folder.config(), dashboard.endpoint, stop, out):
-        _wait_until_over(dashboard, str(folder.run), stop, out)
+    progress = _Display(folder, folder.config(), out)
+    with _display(progress, folder, dashboard.endpoint, stop):
+        _wait_until_over(dashboard, str(folder.run), stop, StallNotice(progress.warn))
     state = folder.state()
     if state.state == "failed":
         raise RunFailedError(f"run {folder.run} failed: {state.error}")
 
 
 def _wait_until_over(
-    dashboard: Dashboard, run_id: str, stop: threading.Event, out: Console
+    dashboard: Dashboard, run_id: str, stop: threading.Event, notice: StallNotice
 ) -> None:
     begin_s = answered_s = time.monotonic()
-    said_queued = False
     stopped_s: float | None = None
     while stopped_s is None or time.monotonic() - stopped_s < _STOP_S:
         try:
             if stop.is_set() and stopped_s is None:
                 stopped_s = time.monotonic()
                 dashboard.stop(run_id)
-            state = dashboard.run(run_id)["state"]
-            answered_s = time.monotonic()
+            run = dashboard.run(run_id)
+            state, answered_s = run["state"], time.monotonic()
+            if state != "queued" or answered_s - begin_s > _QUEUED_S:
+                notice.update(run["waiting_reason"], _waiting_s(run))
         except DashboardAwayError as error:
             if stopped_s is not None or time.monotonic() - answered_s > _AWAY_S:
                 raise RunFailedError(f"{error}; the run goes on where it has workers") from error
             state = "running"
         if state in ("finished", "failed", "stopped"):
             return
-        if state == "queued" and not said_queued and time.monotonic() - begin_s > _QUEUED_S:
-            out.print(f"waits for workers; {dashboard.url} shows what they do")
-            said_queued = True
         if stopped_s is None:
             stop.wait(_POLL_S)
         else:
             time.sleep(_POLL_S)
 
 
+def _waiting_s(run: dict[str, Any]) -> float:
+    """How long a run of the dashboard's has made no progress."""
+    since_unix_s = run["waiting_since_unix_s"]
+    return 0.0 if since_unix_s is None else max(0.0, time.time() - since_unix_s)
+
+
 @contextlib.contextmanager
 def _display(
-    folder: RunFolder, config: RunConfig, endpoint: str, stop: threading.Event, out: Console
+    display: "_Display",
+    folder: RunFolder,
+    endpoint: str,
+    stop: threading.Event,
+    stalls: LocalStalls | None = None,
 ) -> Iterator[None]:
     """Shows progress from a thread of its own while the body runs."""
     done = threading.Event()
-    display = _Display(folder, config, out)
 
     def follow() -> None:
         with contextlib.suppress(RuntimeError), Bus(endpoint, stop=done) as bus:
-            subscriber = MetricsSubscriber(bus, folder.run, display.on_batch)
+            watches: list[object] = [MetricsSubscriber(bus, folder.run, display.on_batch)]
+            if stalls is not None:
+                watches.append(TelemetryWatch(bus, stalls.hear, Counters()))
             while not done.wait(0.2):
                 display.show_new_lines()
-            del subscriber
+                if stalls is not None:
+                    stalls.look(display.shown, connected=bus.connected)
+            watches.clear()
 
     thread = threading.Thread(target=follow, name="progress")
     with display.progress:
@@ -182,7 +214,7 @@ def _display(
 class _Display:
     def __init__(self, folder: RunFolder, config: RunConfig, out: Console) -> None:
         self._folder, self._config, self._out = folder, config, out
-        self._shown = len(folder.metrics())
+        self.shown = len(folder.metrics())
         self.progress = Progress(
             TextColumn("{task.description}"),
             BarColumn(),
@@ -193,9 +225,13 @@ class _Display:
             disable=not sys.stderr.isatty(),
         )
         self._iterations = self.progress.add_task(
-            "iterations", total=config.iterations, completed=self._shown
+            "iterations", total=config.iterations, completed=self.shown
         )
         self._part = self.progress.add_task("starting", total=None)
+
+    def warn(self, text: str) -> None:
+        """A line on standard error, above the bars where there are any."""
+        self.progress.console.print(text, highlight=False, soft_wrap=True, markup=False)
 
     def on_batch(self, batch: MetricsBatch) -> None:
         """Moves the second bar: episodes while collecting, epochs while updating."""
@@ -218,10 +254,10 @@ class _Display:
     def show_new_lines(self) -> None:
         """One line for every iteration that was finished since the last call."""
         records = self._folder.metrics()
-        for record in records[self._shown :]:
+        for record in records[self.shown :]:
             self._out.print(_line(record, self._config), highlight=False, soft_wrap=True)
-        self._shown = len(records)
-        self.progress.update(self._iterations, completed=self._shown)
+        self.shown = len(records)
+        self.progress.update(self._iterations, completed=self.shown)
 
 
 def _line(record: dict[str, Any], config: RunConfig) -> str:

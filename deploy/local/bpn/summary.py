@@ -1,13 +1,18 @@
 """What a run came to, from its folder alone: the object that `bpn train --json` prints."""
 
+import logging
+from dataclasses import dataclass, field
 from statistics import median
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from bpn_shared.messages.base import MessageError
 from bpn_shared.messages.episode import Episode
 from bpn_shared.runs.folder import RunFolder
+
+log = logging.getLogger(__name__)
 
 
 def summarize(folder: RunFolder) -> dict[str, Any]:
@@ -21,10 +26,10 @@ def summarize(folder: RunFolder) -> dict[str, Any]:
         learner.updates_per_s (medians over iterations; the first includes the start of the processes).
     """
     config, records = folder.config(), folder.metrics()
-    inference_us, camera_to_action_us = _timings_us(folder)
+    kept = _stored(folder)
     learned_from = sum(record["episodes"] for record in records)
     stored = sum(
-        folder.episode_path(record["iteration"], episode).exists()
+        (record["iteration"], episode) in kept.which
         for record in records
         for episode in range(config.episodes)
     )
@@ -45,9 +50,9 @@ def summarize(folder: RunFolder) -> dict[str, Any]:
         "returns": [round(record[config.task_spec.return_metric], 3) for record in records],
         "lengths": [round(record["length"], 3) for record in records],
         "seconds": round(sum(record["iteration_s"] for record in records), 3),
-        "edge": {"inference_us": percentiles(inference_us)},
+        "edge": {"inference_us": percentiles(np.concatenate(kept.inference_us))},
         "loop": {
-            "camera_to_action_us": percentiles(camera_to_action_us),
+            "camera_to_action_us": percentiles(np.concatenate(kept.loop_us)),
             "steps_per_s": _median([r["transitions"] / r["collect_s"] for r in records]),
         },
         "learner": {"updates_per_s": _median([r["updates"] / r["update_s"] for r in records])},
@@ -66,13 +71,25 @@ def _median(values: list[float]) -> float | None:
     return round(median(values), 2) if values else None
 
 
-def _timings_us(folder: RunFolder) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
-    task = folder.config().task_spec
-    inference: list[npt.NDArray[np.float64]] = []
-    loop: list[npt.NDArray[np.float64]] = []
-    for path in sorted((folder.path / "episodes").glob("*.bpne")):
-        episode = Episode.decode(path.read_bytes(), task)
-        inference.append(episode.inference_ns / 1e3)
-        loop.append(episode.camera_to_action_ns[episode.camera_to_action_ns > 0] / 1e3)
-    empty = np.empty(0)
-    return np.concatenate([empty, *inference]), np.concatenate([empty, *loop])
+@dataclass
+class _Stored:
+    """What the stored episodes tell, without their pixels; a damaged one is lost."""
+
+    which: set[tuple[int, int]] = field(default_factory=set)
+    inference_us: list[npt.NDArray[np.float64]] = field(default_factory=lambda: [np.empty(0)])
+    loop_us: list[npt.NDArray[np.float64]] = field(default_factory=lambda: [np.empty(0)])
+
+
+def _stored(folder: RunFolder) -> _Stored:
+    task, stored = folder.config().task_spec, _Stored()
+    for name in folder.file_names("episodes", suffix=".bpne"):
+        try:
+            episode = Episode.decode(folder.read_file(f"episodes/{name}"), task)
+        except MessageError as error:
+            log.warning("%s is damaged and left out: %s", folder.path / "episodes" / name, error)
+            continue
+        stored.which.add((episode.meta.iteration, episode.meta.episode))
+        stored.inference_us.append(episode.inference_ns / 1e3)
+        in_time = episode.camera_to_action_ns > 0
+        stored.loop_us.append(episode.camera_to_action_ns[in_time] / 1e3)
+    return stored

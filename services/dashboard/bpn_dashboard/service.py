@@ -36,9 +36,11 @@ from bpn_dashboard.options import (
     state_dir,
 )
 from bpn_dashboard.registry.store import RunStore
+from bpn_dashboard.registry.workplace import ConnectedWorkers
 from bpn_dashboard.series.ingest import Ingest
 from bpn_dashboard.server import Server, listen
 from bpn_dashboard.state_lock import ADDRESS_FILE, state_lock
+from bpn_shared.bus.session import prepare_process
 from bpn_shared.config import ConfigError, RunConfig
 from bpn_shared.runs.files import write_atomically
 from bpn_shared.service import (
@@ -63,6 +65,7 @@ def build(
         runs=runs,
         ingest=Ingest(options.runs_dir, database, counters),
         counters=counters,
+        place=ConnectedWorkers(lambda: live.bus),
         topology=live.topology.snapshot,
         obstacle=live.obstacle,
         read_only=live.read_only,
@@ -108,6 +111,7 @@ def main(argv: list[str] | None = None) -> int:
     """Serves until it is told to stop. Exit status: 0 stopped, 1 failed, 2 wrong options."""
     options = argument_parser().parse_args(argv)
     set_up_logging("dashboard")
+    prepare_process()
     logging.getLogger("alembic").setLevel(logging.WARNING)
     raise_descriptor_limit()
     stop = stop_on_signals()

@@ -1,9 +1,11 @@
 """Plays one episode: frame in, kernel, policy, action out."""
 
+import logging
 import secrets
 import threading
 import time
 from collections.abc import Callable
+from math import isfinite
 
 import numpy as np
 import numpy.typing as npt
@@ -12,15 +14,18 @@ from bpn_edge.decisions import DecisionFeed
 from bpn_edge.memory import WeightMemory
 from bpn_edge.recorder import EpisodeRecorder
 from bpn_edge.robot_link import RobotLink
+from bpn_shared.bnn.blob import BlobError
+from bpn_shared.config import RunConfig
 from bpn_shared.messages.action import Action
 from bpn_shared.messages.control import Assignment, Reset
 from bpn_shared.messages.episode import Episode
-from bpn_shared.messages.frame import FrameHeader
+from bpn_shared.messages.frame import FrameHeader, FrameKind
 from bpn_shared.outputs import Outputs
 from bpn_shared.seeds import action_uniform
-from bpn_shared.tasks import Task
 from bpn_shared.watchdog import STEPS_PLAYED
 from bpn_shared.worker import Worker
+
+log = logging.getLogger(__name__)
 
 Choose = Callable[[Outputs, float], int]
 """From outputs [|A|] and a uniform number in [0, 1) to an action."""
@@ -28,11 +33,15 @@ Choose = Callable[[Outputs, float], int]
 _LOOK_AROUND_S = 0.2
 
 
+class EpisodeFault(RuntimeError):  # noqa: N818 - what the bus calls it too
+    """The episode cannot be had, and why; equal faults have equal messages."""
+
+
 class EpisodeDriver:
     """Drives the robot of one slot through episodes.
 
     Args:
-        steps: T, the most that an episode has.
+        config: the run's: its task, T, and how time passes.
         silence_s: how long no frame may come before the robot is asked again to begin the episode (it may
             have been restarted, or the frame was lost).
     """
@@ -40,17 +49,16 @@ class EpisodeDriver:
     def __init__(
         self,
         worker: Worker,
-        task: Task,
+        config: RunConfig,
         link: RobotLink,
         memory: WeightMemory,
         feed: DecisionFeed,
         *,
-        steps: int,
         silence_s: float,
     ) -> None:
-        self._worker, self._task = worker, task
+        self._worker, self._config = worker, config
         self._link, self._memory, self._feed = link, memory, feed
-        self._steps, self._silence_s = steps, silence_s
+        self._silence_s = silence_s
 
     def play(self, assignment: Assignment, choose: Choose) -> Episode | None:
         """Plays the assigned episode with the weights in the active bank.
@@ -58,6 +66,10 @@ class EpisodeDriver:
         Returns:
             The finished episode; None if the worker was stopped or a frame is missing (realtime pacing
             over a slow link): such an episode is not data and has to be played again.
+
+        Raises:
+            EpisodeFault: it cannot be had: the robot sends what no robot of this task would, or the policy
+                gives no action.
         """
         worker = self._worker
         reset = Reset(
@@ -68,11 +80,10 @@ class EpisodeDriver:
         )
         game = _Game(
             worker,
-            self._task,
+            self._config,
             self._link,
             self._memory,
             self._feed,
-            steps=self._steps,
             assignment=assignment,
             reset_id=reset.reset_id,
             choose=choose,
@@ -90,8 +101,8 @@ class EpisodeDriver:
         finally:
             self._link.listen(None)
         worker.waiting.done()
-        if game.error is not None:
-            raise game.error
+        if game.fault is not None:
+            raise EpisodeFault(game.fault)
         return game.episode
 
 
@@ -105,24 +116,23 @@ class _Game:
     def __init__(
         self,
         worker: Worker,
-        task: Task,
+        config: RunConfig,
         link: RobotLink,
         memory: WeightMemory,
         feed: DecisionFeed,
         *,
-        steps: int,
         assignment: Assignment,
         reset_id: int,
         choose: Choose,
     ) -> None:
-        self._worker, self._task, self._link, self._memory = worker, task, link, memory
-        self._feed = feed
+        self._worker, self._task, self._link, self._memory = worker, config.task_spec, link, memory
+        self._feed, self._lockstep = feed, config.pacing == "lockstep"
         self._assignment, self._reset_id, self._choose = assignment, reset_id, choose
         # all at once: between two frames every instruction delays the sending of the last action
-        self._uniforms = [action_uniform(assignment.seed, step) for step in range(steps)]
+        self._uniforms = [action_uniform(assignment.seed, step) for step in range(config.steps)]
         self.over = threading.Event()
         self.episode: Episode | None = None
-        self.error: Exception | None = None
+        self.fault: str | None = None
         self._begin()
         self.heard(time.monotonic_ns())
 
@@ -148,27 +158,65 @@ class _Game:
         self.heard(t_receive_ns)
         try:
             self._take(header, pixels, t_receive_ns)
+        except BlobError as error:  # outputs that are no numbers
+            self._fail(f"the policy at step {header.step}: {error}")
         except Exception as error:
-            self.error = error
-            self.over.set()
+            log.exception("frame %d cannot be answered", header.step)
+            self._fail(f"frame {header.step} cannot be answered: {type(error).__name__}: {error}")
+
+    def _fail(self, fault: str) -> None:
+        self.fault = fault
+        self.over.set()
+
+    def _why_impossible(self, header: FrameHeader) -> str | None:
+        """What keeps a frame from being the next one of this episode, whatever the robot may do."""
+        applied, first, answer = header.applied_action, header.step == 0, self._answer
+        assigned = self._assignment
+        sentence = None
+        if header.iteration != assigned.iteration or header.episode != assigned.episode:
+            sentence = f"is of episode ({header.iteration}, {header.episode})"
+        elif first != (header.kind == FrameKind.FIRST):
+            sentence = f"is {header.kind.name}"
+        elif first:
+            pass
+        elif applied >= self._task.actions:
+            sentence = f"tells of action {applied}, the task has 0..{self._task.actions - 1}"
+        elif self._lockstep and answer is not None and applied != answer.action:
+            sentence = f"tells of action {applied}, it was given {answer.action}"
+        elif self._task.rewards == "robot" and not isfinite(header.reward):
+            sentence = f"tells of a reward of {header.reward}"
+        return sentence
 
     def _take(self, header: FrameHeader, pixels: npt.NDArray[np.uint8], t_receive_ns: int) -> None:
-        if self._answer is not None and header.step == self._answer.step:
+        ends = header.kind.ends_episode
+        if self._answer is not None and header.step == self._answer.step and not ends:
             self._link.send(self._answer)  # the robot did not hear us
             return
-        if header.step == 0 and self._recorder.next_step > 0:
+        if header.kind == FrameKind.FIRST and self._recorder.next_step > 0:
             self._worker.counters.add("episodes_begun_again")
             self._begin()
-        beyond = header.step >= len(self._uniforms) and not header.kind.ends_episode
+        impossible = self._why_impossible(header)
+        if impossible is not None:
+            self._refuse(f"frame {header.step} of the robot {impossible}")
+            return
+        beyond = header.step >= len(self._uniforms) and not ends
         if header.step != self._recorder.next_step or beyond:
+            if self._lockstep:  # where the robot waits for us, none can be lost
+                due = self._recorder.next_step
+                self._refuse(f"the robot sends frame {header.step} where frame {due} is due")
+                return
             self._worker.counters.add("episodes_with_missing_frames")
             self.over.set()
             return
         self._recorder.add_frame(header, pixels, t_receive_ns)
-        if header.kind.ends_episode:
+        if ends:
             self._finish()
         else:
             self._act(header.step, t_receive_ns)
+
+    def _refuse(self, reason: str) -> None:
+        self._worker.counters.refuse("frames_refused", reason)
+        self._fail(reason)
 
     def _act(self, step: int, t_receive_ns: int) -> None:
         observation = self._recorder.observation()

@@ -1,11 +1,13 @@
 """The edge's end of the two requests to its learner: what to play next, and here is an episode."""
 
 from bpn_shared import keys
+from bpn_shared.backoff import Backoff
 from bpn_shared.messages.control import Assignment, EpisodeReceipt, NextEpisode
 from bpn_shared.messages.episode import Episode
 from bpn_shared.worker import Worker
 
 _DELIVER_TIMEOUT_S = 10.0
+_LATEST_AGAIN_S = 5.0
 SOONEST_S, LATEST_S = 0.02, 0.5
 
 
@@ -51,7 +53,11 @@ class LearnerLink:
         )
 
     def deliver(self, episode: Episode) -> None:
-        """Returns once the learner has taken the episode, has it already, or does not want it."""
+        """Returns once the learner has taken the episode, has it already, or does not want it.
+
+        What is wrong with the episode is in its receipt, and the learner counts it: it is played again. A request
+        that is refused as such, as by a learner whose disk is full, is made again, and the reason shown.
+        """
         worker = self._worker
         which = f"episode ({episode.meta.iteration}, {episode.meta.episode})"
         receipt = worker.ask(
@@ -60,7 +66,9 @@ class LearnerLink:
             EpisodeReceipt.decode,
             waiting_for=f"the learner to give a receipt for {which}",
             refused_as="requests_refused_by_learner",
+            on_refusal=self._show,
             timeout_s=_DELIVER_TIMEOUT_S,
+            backoff=Backoff(most_s=_LATEST_AGAIN_S),
         )
         if receipt is None:
             return
@@ -68,3 +76,7 @@ class LearnerLink:
         worker.counters.add(f"episodes_{receipt.verdict}")
         if receipt.verdict == "refused":
             worker.counters.refuse("episodes_not_wanted", f"{which}: {receipt.reason}")
+
+    def _show(self, reason: str) -> None:
+        self._worker.waiting.set(f"the learner, which refuses an episode now: {reason}")
+        self._worker.counters.refuse("requests_refused_by_learner", f"learner: {reason}")

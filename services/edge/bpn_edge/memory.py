@@ -2,6 +2,7 @@
 
 import logging
 import threading
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -12,19 +13,28 @@ from bpn_shared.bnn.blob import BlobError, WeightBlob
 from bpn_shared.config import Kernel as KernelName
 from bpn_shared.outputs import Outputs
 from bpn_shared.service import Counters
-from bpn_shared.weights import Weights
+from bpn_shared.weights import NO_RANK, Rank, Weights, rank_of
 
 log = logging.getLogger(__name__)
 
 _FLOAT_TOLERANCE = 1e-3
 """Of P's magnitude: far above what another order of summation changes, far below what a wrong model does."""
+_TRIES = 3
+"""A policy that a bank has failed to take so often in a row will not be taken the next time either."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Failure:
+    rank: Rank
+    times: int
+    reason: str
 
 
 class WeightMemory:
     """Two kernels: the active bank runs, `offer` fills the other one, `activate` swaps them.
 
-    `offer` may be called from a network thread at any time; `activate` and `run` belong to the thread that
-    drives the robot, so a swap falls between two frames and never within one.
+    `offer` may be called from a network thread at any time, it never touches the active bank; `activate` must
+    not be called while `run` may be, so that a swap falls between two episodes.
     """
 
     def __init__(self, kernel: KernelName, counters: Counters) -> None:
@@ -32,43 +42,74 @@ class WeightMemory:
         self._counters = counters
         self._changed = threading.Condition()
         self._offered: Weights | None = None
+        self._failure: _Failure | None = None
+        self._checksum = self._offered_checksum = 0
         self.weights: Weights | None = None
         """What the active bank holds."""
 
     def offer(self, weights: Weights) -> bool:
-        """Loads a policy into the idle bank and verifies the bank.
+        """Loads a policy into the idle bank and verifies the bank; what was there before is gone.
 
         Returns:
             False if the bank failed the verification; it is not used.
         """
         with self._changed:
+            self._offered = None
             try:
                 self._idle.load(weights)
                 verify(self._idle, weights)
-            except BlobError as error:
-                self._offered = None
-                self._counters.refuse(
-                    "weights_failed_verification", f"version {weights.version} is not used: {error}"
-                )
+            except Exception as error:  # a device has errors of its own
+                self._refuse(weights, error)
                 return False
-            self._offered = weights
+            self._offered, self._failure = weights, None
+            self._offered_checksum = self._idle.checksum()
             self._changed.notify_all()
             return True
 
-    def activate(self, version: int, timeout_s: float) -> bool:
-        """Makes `version` the running one, by swapping banks if need be.
+    def _refuse(self, weights: Weights, error: Exception) -> None:
+        rank, before = rank_of(weights), self._failure
+        times = before.times + 1 if before is not None and before.rank == rank else 1
+        self._failure = _Failure(rank, times, str(error) or type(error).__name__)
+        self._counters.refuse(
+            "weights_failed_verification",
+            f"version {weights.version} is not used: {self._failure.reason}",
+        )
+
+    def why_never(self, version: int) -> str | None:
+        """Why there is no use in waiting for that version: its bank failed again and again; None: there is."""
+        failure = self._failure
+        if failure is None or failure.rank[1] != version or failure.times < _TRIES:
+            return None
+        return f"weights version {version} failed the verification {_TRIES} times: {failure.reason}"
+
+    def activate(self, version: int, timeout_s: float, *, attempt: int = 0) -> bool:
+        """Makes `version` of at least `attempt` the running one, by swapping banks if need be.
+
+        A bit of the bank that flipped since it was verified is noticed here, by the bank's checksum; the policy
+        then counts as not held.
 
         Returns:
-            False if that version has not been offered within the timeout.
+            False if it has not been offered within the timeout.
         """
         with self._changed:
-            self._changed.wait_for(lambda: self._holds(version), timeout_s)
-            offered = self._offered
-            if offered is not None and offered.version == version:
+            self._changed.wait_for(lambda: self._holds(version, attempt), timeout_s)
+            if _fits(self._offered, version, attempt):
                 self._active, self._idle = self._idle, self._active
-                self.weights, self._offered = offered, None
-                log.info("runs weights version %d of attempt %d", offered.version, offered.attempt)
-            return self.weights is not None and self.weights.version == version
+                self.weights, self._offered = self._offered, None
+                self._checksum = self._offered_checksum
+            if self.weights is None or not _fits(self.weights, version, attempt):
+                return False
+            return self._intact(self.weights)
+
+    def _intact(self, weights: Weights) -> bool:
+        if self._active.checksum() == self._checksum:
+            return True
+        self.weights = None
+        self._counters.refuse(
+            "weights_damaged",
+            f"the bank's memory has changed while version {weights.version} ran: it has to be loaded again",
+        )
+        return False
 
     def wait_newer(self, version: int | None, timeout_s: float) -> bool:
         """Whether the newest version becomes another one than `version` within the timeout."""
@@ -78,27 +119,35 @@ class WeightMemory:
     @property
     def newest(self) -> int | None:
         """The newest version in either bank; None before the first."""
+        rank = self.rank
+        return None if rank == NO_RANK else rank[1]
+
+    @property
+    def rank(self) -> Rank:
+        """Attempt and version of the newest policy in either bank; `NO_RANK` where there is none."""
         with self._changed:
             newest = self._offered or self.weights
-            return None if newest is None else newest.version
+            return NO_RANK if newest is None else rank_of(newest)
 
-    def _holds(self, version: int) -> bool:
-        return any(
-            weights is not None and weights.version == version
-            for weights in (self.weights, self._offered)
-        )
+    def _holds(self, version: int, attempt: int) -> bool:
+        return any(_fits(weights, version, attempt) for weights in (self.weights, self._offered))
 
     def run(self, observation: npt.NDArray[np.uint8]) -> Outputs:
         """Outputs [|A|] of an observation uint8[C, 84, 84] under the active bank."""
         return self._active.run(observation)
 
 
+def _fits(weights: Weights | None, version: int, attempt: int) -> bool:
+    return weights is not None and weights.version == version and weights.attempt >= attempt
+
+
 def verify(kernel: Kernel, weights: Weights) -> None:
-    """Runs a probe: a binarized policy as the golden model does, a float one to P as the learner has it.
+    """Compares what is in the kernel's memory with the policy, and tries the kernel's arithmetic on a probe.
 
     Raises:
-        BlobError: the kernel, which holds the policy, computes something else.
+        BlobError: the kernel holds, or computes, something else.
     """
+    compare(kernel, weights)
     probe = weights.spec.probe()
     found = kernel.run(probe)
     if isinstance(weights, WeightBlob):
@@ -112,3 +161,21 @@ def verify(kernel: Kernel, weights: Weights) -> None:
         raise BlobError(
             f"the {kernel.name} kernel computes another P of the probe than the learner"
         )
+
+
+def compare(kernel: Kernel, weights: Weights) -> None:
+    """Compares every parameter in the kernel's memory with the policy's.
+
+    Raises:
+        BlobError: one differs.
+    """
+    found = kernel.read_back()
+    for name, expected in weights.parameters().items():
+        held = found.get(name)
+        if held is None or held.shape != expected.shape:
+            raise BlobError(f"the {kernel.name} kernel's memory holds other {name}")
+        if not np.array_equal(held, expected):
+            wrong = np.count_nonzero(held != expected)
+            raise BlobError(
+                f"{wrong} of {expected.size} {name} differ in the {kernel.name} kernel's memory"
+            )

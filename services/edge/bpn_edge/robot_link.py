@@ -1,5 +1,6 @@
 """The edge's end of the two streams and the reset to its robot."""
 
+import threading
 from collections.abc import Callable
 
 import numpy as np
@@ -27,6 +28,7 @@ class RobotLink:
         self._worker = worker
         self._task = task
         self._on_frame: OnFrame | None = None
+        self._taking = threading.Lock()
         self._reset_key = keys.reset(worker.run, worker.slot)
         self._actions = LatestPublisher(worker.bus, keys.action(worker.run, worker.slot), "action")
         self._frames = DirectSubscriber(
@@ -34,19 +36,23 @@ class RobotLink:
         )
 
     def listen(self, on_frame: OnFrame | None) -> None:
-        """From now on frames go to `on_frame`, on the network thread; None: they go nowhere."""
-        self._on_frame = on_frame
+        """From now on frames go to `on_frame`, on the network thread; None: they go nowhere.
+
+        When this returns, no call of what was there before is under way.
+        """
+        with self._taking:
+            self._on_frame = on_frame
 
     def _receive(self, attachment: bytes, payload: bytes, t_receive_ns: int) -> None:
-        on_frame = self._on_frame
-        if on_frame is None:
-            return
-        try:
-            header, pixels = decode_frame(attachment, payload, self._task.frame_shape)
-        except MessageError as error:
-            self._worker.counters.refuse("frames_refused", str(error))
-            return
-        on_frame(header, pixels, t_receive_ns)
+        with self._taking:
+            if self._on_frame is None:
+                return
+            try:
+                header, pixels = decode_frame(attachment, payload, self._task.frame_shape)
+            except MessageError as error:
+                self._worker.counters.refuse("frames_refused", str(error))
+                return
+            self._on_frame(header, pixels, t_receive_ns)
 
     def reset(self, reset: Reset) -> bool:
         """Tells the robot to begin an episode, again and again until it answers; False if stopped."""

@@ -4,7 +4,7 @@ import logging
 from contextlib import closing
 
 from bpn_edge.decisions import DecisionFeed
-from bpn_edge.driver import Choose, EpisodeDriver
+from bpn_edge.driver import Choose, EpisodeDriver, EpisodeFault
 from bpn_edge.learner_link import LearnerLink, Pace
 from bpn_edge.memory import WeightMemory
 from bpn_edge.policy import epsilon_greedy_action, softmax_action
@@ -12,6 +12,7 @@ from bpn_edge.robot_link import RobotLink
 from bpn_shared.bus.weights import WeightsSubscriber
 from bpn_shared.config import RunConfig
 from bpn_shared.entry import run_slot_worker
+from bpn_shared.faults import FaultReporter
 from bpn_shared.messages.control import Assignment
 from bpn_shared.weights import Weights
 from bpn_shared.worker import EXIT_FINISHED, Worker
@@ -31,10 +32,10 @@ def chooser(config: RunConfig, assignment: Assignment, scale: float) -> Choose:
 
 def serve(worker: Worker, config: RunConfig) -> int:
     """Plays what the learner assigns, until there is no more or the worker is stopped."""
-    task = config.task_spec
+    task, faults = config.task_spec, FaultReporter(worker)
     memory = WeightMemory(config.kernel, worker.counters)
 
-    def load(weights: Weights) -> None:
+    def take(weights: Weights) -> None:
         if memory.offer(weights):
             worker.weights.note("loaded", weights)
 
@@ -42,19 +43,19 @@ def serve(worker: Worker, config: RunConfig) -> int:
         worker.bus,
         worker.run,
         config.network,
-        load,
+        take,
         worker.counters,
+        held=lambda: memory.rank,
         kind=config.algorithm_spec.network,
     )
     period_s = task.control_period_s if config.pacing == "realtime" else 0.0
     with closing(DecisionFeed(worker)) as feed:
         driver = EpisodeDriver(
             worker,
-            task,
+            config,
             RobotLink(worker, task),
             memory,
             feed,
-            steps=config.steps,
             silence_s=max(_SILENCE_S, 5 * period_s),
         )
         learner, pace = LearnerLink(worker), Pace()
@@ -62,7 +63,7 @@ def serve(worker: Worker, config: RunConfig) -> int:
             newest = memory.newest
             assignment = learner.next_episode(newest)
             if assignment is None:
-                continue
+                break
             if assignment.verdict == "finished":
                 log.info("the run is finished")
                 break
@@ -72,17 +73,25 @@ def serve(worker: Worker, config: RunConfig) -> int:
                     pace.quicken()
                 continue
             pace.quicken()
-            if not memory.activate(assignment.weights_version, _WEIGHTS_TIMEOUT_S):
-                worker.waiting.set(f"weights version {assignment.weights_version}")
+            at = assignment.iteration, assignment.episode
+            version, attempt = assignment.weights_version, assignment.weights_attempt
+            if not memory.activate(version, _WEIGHTS_TIMEOUT_S, attempt=attempt):
+                hopeless = memory.why_never(version)
+                worker.waiting.set(hopeless or f"weights version {version} of attempt {attempt}")
+                if hopeless is not None:
+                    faults.tell(*at, hopeless)
                 subscriber.refresh()
                 continue
             worker.waiting.done()
             assert memory.weights is not None  # activate() said so
             worker.weights.note("running", memory.weights)
             feed.scale = memory.weights.scale
-            episode = driver.play(assignment, chooser(config, assignment, memory.weights.scale))
-            if episode is not None:
-                learner.deliver(episode)
+            try:
+                episode = driver.play(assignment, chooser(config, assignment, memory.weights.scale))
+                if episode is not None:
+                    learner.deliver(episode)
+            except EpisodeFault as fault:
+                faults.tell(*at, str(fault))
     return EXIT_FINISHED
 
 

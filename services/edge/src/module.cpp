@@ -6,7 +6,9 @@
 #include <nanobind/stl/vector.h>
 
 #include <array>
+#include <initializer_list>
 #include <memory>
+#include <stdexcept>
 #include <string>
 #include <utility>
 #include <vector>
@@ -22,20 +24,22 @@ using Array = nb::ndarray<nb::ro, nb::device::cpu>;
 using Signs = nb::ndarray<const int8_t, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
 using Thresholds = nb::ndarray<const int32_t, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
 using Bits = nb::ndarray<nb::numpy, uint8_t, nb::ndim<1>>;
+using Memory = nb::ndarray<nb::numpy, uint8_t, nb::ndim<1>>;
+using Matrix = nb::ndarray<nb::numpy, int8_t, nb::ndim<2>>;
 using Outputs = nb::ndarray<nb::numpy, int32_t, nb::ndim<1>>;
 
-// A one-dimensional numpy array of its own.
+// A numpy array of its own.
 template <class Result, class Value>
-Result fresh_array(std::unique_ptr<Value[]> values, size_t size) {
+Result fresh_array(std::unique_ptr<Value[]> values, std::initializer_list<size_t> shape) {
   Value* data = values.release();
-  return Result(data, {size}, nb::capsule(data, [](void* p) noexcept { delete[] static_cast<Value*>(p); }));
+  return Result(data, shape, nb::capsule(data, [](void* p) noexcept { delete[] static_cast<Value*>(p); }));
 }
 
 Bits unpacked(const void* map, int count) {
   const auto* bytes = static_cast<const uint8_t*>(map);
   std::unique_ptr<uint8_t[]> bits(new uint8_t[count]);
   for (int i = 0; i < count; ++i) bits[i] = bytes[i / 8] >> (i % 8) & 1;
-  return fresh_array<Bits>(std::move(bits), count);
+  return fresh_array<Bits>(std::move(bits), {size_t(count)});
 }
 
 std::string described(const Array& array) {
@@ -51,21 +55,22 @@ class Network {
  public:
   Network(const std::string& path, int channels, const std::array<Signs, kLayers>& weights,
           const std::array<Thresholds, kLayers - 1>& thresholds)
-      : forward_(find(path)), packed_(std::make_unique<PackedNetwork>()) {
-    const int nodes = static_cast<int>(weights[3].shape(0));
-    const int actions = static_cast<int>(weights[4].shape(0));
-    const int outputs[] = {kConv1Outputs, kConv2Outputs, kConv3Outputs, nodes, actions};
-    const int fan_in[] = {kConv1Kernel * kConv1Kernel * channels,
-                          kConv2Kernel * kConv2Kernel * kConv1Outputs,
-                          kConv3Kernel * kConv3Kernel * kConv2Outputs, kFeatures, nodes};
+      : forward_(find(path)),
+        packed_(std::make_unique<PackedNetwork>()),
+        channels_(channels),
+        outputs_{kConv1Outputs, kConv2Outputs, kConv3Outputs, static_cast<int>(weights[3].shape(0)),
+                 static_cast<int>(weights[4].shape(0))},
+        fan_in_{kConv1Kernel * kConv1Kernel * channels, kConv2Kernel * kConv2Kernel * kConv1Outputs,
+                kConv3Kernel * kConv3Kernel * kConv2Outputs, kFeatures, outputs_[3]} {
+    const int nodes = outputs_[3], actions = outputs_[4];
     bool fits = channels >= 1 && channels <= kMaxChannels && nodes >= 1 && nodes <= kMaxNodes &&
                 actions >= 1 && actions <= kMaxActions;
     SignMatrix layers[kLayers];
     for (int l = 0; l < kLayers; ++l) {
       const bool last = l == kLayers - 1;
-      fits = fits && weights[l].shape(0) == size_t(outputs[l]) && weights[l].shape(1) == size_t(fan_in[l]) &&
-             (last || thresholds[l].shape(0) == size_t(outputs[l]));
-      layers[l] = {weights[l].data(), last ? nullptr : thresholds[l].data(), outputs[l], fan_in[l]};
+      fits = fits && weights[l].shape(0) == size_t(outputs_[l]) && weights[l].shape(1) == size_t(fan_in_[l]) &&
+             (last || thresholds[l].shape(0) == size_t(outputs_[l]));
+      layers[l] = {weights[l].data(), last ? nullptr : thresholds[l].data(), outputs_[l], fan_in_[l]};
     }
     if (!fits) throw nb::value_error("the weights and thresholds have shapes of no network");
     pack_network(channels, layers, *packed_);
@@ -75,6 +80,33 @@ class Network {
     Activations activations;
     compute(observation, activations);
     return outputs(activations);
+  }
+
+  // Every weight and threshold that is in the memory.
+  nb::tuple read_back() const {
+    std::unique_ptr<int8_t[]> signs[kLayers];
+    std::unique_ptr<int32_t[]> thresholds[kLayers];
+    ReadBack layers[kLayers];
+    for (int l = 0; l < kLayers; ++l) {
+      signs[l].reset(new int8_t[outputs_[l] * fan_in_[l]]);
+      if (l < kLayers - 1) thresholds[l].reset(new int32_t[outputs_[l]]);
+      layers[l] = {signs[l].get(), thresholds[l].get(), outputs_[l], fan_in_[l]};
+    }
+    if (!bpn::read_back(*packed_, channels_, layers))
+      throw std::runtime_error("the memory holds bits that no packing makes");
+    nb::list weights, taus;
+    for (int l = 0; l < kLayers; ++l) {
+      weights.append(fresh_array<Matrix>(std::move(signs[l]), {size_t(outputs_[l]), size_t(fan_in_[l])}));
+      if (l < kLayers - 1) taus.append(fresh_array<Outputs>(std::move(thresholds[l]), {size_t(outputs_[l])}));
+    }
+    return nb::make_tuple(weights, taus);
+  }
+
+  uint64_t checksum() const { return bpn::checksum(*packed_); }
+
+  // The memory itself, for tests that damage it.
+  Memory memory() {
+    return Memory(packed_.get(), {sizeof(PackedNetwork)}, nb::find(*this));
   }
 
   nb::tuple trace(const Array& observation) const {
@@ -130,11 +162,14 @@ class Network {
     std::unique_ptr<int32_t[]> o(new int32_t[count]);
     for (int a = 0; a < count; ++a)
       o[a] = packed_->fc2.fan_in - 2 * static_cast<int32_t>(activations.differences[a]);
-    return fresh_array<Outputs>(std::move(o), count);
+    return fresh_array<Outputs>(std::move(o), {size_t(count)});
   }
 
   Forward* forward_;
   std::unique_ptr<PackedNetwork> packed_;
+  int channels_;
+  int outputs_[kLayers];
+  int fan_in_[kLayers];
 };
 
 std::vector<std::string> available_paths() {
@@ -155,5 +190,8 @@ NB_MODULE(_native, module) {
       .def(nb::init<const std::string&, int, const std::array<bpn::Signs, bpn::kLayers>&,
                     const std::array<bpn::Thresholds, bpn::kLayers - 1>&>())
       .def("run", &bpn::Network::run)
+      .def("read_back", &bpn::Network::read_back)
+      .def("checksum", &bpn::Network::checksum)
+      .def("memory", &bpn::Network::memory)
       .def("trace", &bpn::Network::trace);
 }

@@ -54,4 +54,19 @@ struct PackedNetwork {
 // Packs five matrices, whose sizes the caller has checked, into zeroed memory.
 void pack_network(int channels, const SignMatrix (&layers)[kLayers], PackedNetwork& out);
 
+// Room for what is read back: [outputs][fan_in] and [outputs] (null for the last layer).
+struct ReadBack {
+  int8_t* signs;
+  int32_t* thresholds;
+  int outputs;
+  int fan_in;
+};
+
+// Reads five matrices, of the sizes that they were packed with, from the memory. Of the thresholds that decide
+// alike it gives the one that any of them is packed as. False: the memory holds bits that no packing makes.
+bool read_back(const PackedNetwork& packed, int channels, const ReadBack (&layers)[kLayers]);
+
+// Over all of the memory; two memories that differ in one bit never have the same.
+uint64_t checksum(const PackedNetwork& packed);
+
 }  // namespace bpn

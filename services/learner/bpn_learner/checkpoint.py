@@ -1,10 +1,12 @@
 """The checkpoint: everything that the next iteration needs and that cannot be derived.
 
-One safetensors file, replaced atomically. Random numbers need no state (`bpn_shared.seeds`), and the data
-sets are the run folder's episodes, on disk since before they were acknowledged.
+One safetensors file, replaced atomically, with a digest over its arrays. Random numbers need no state
+(`bpn_shared.seeds`), and the data sets are the run folder's episodes, on disk since before they were acknowledged.
 """
 
-from pathlib import Path
+import json
+import logging
+import struct
 from typing import Any
 
 import torch
@@ -12,22 +14,28 @@ from safetensors import SafetensorError
 from safetensors.torch import load, save
 from torch import Tensor, nn
 
-from bpn_shared.runs.files import write_atomically
+from bpn_shared.runs.digests import arrays_digest
+from bpn_shared.version import VERSION
 
-_NETWORK, _OPTIMIZER = "network.", "optimizer."
+log = logging.getLogger(__name__)
+
+SCHEMA = 2
+"""Schema 1 had no metadata, so no digest."""
+
+_NETWORK, _OPTIMIZER, _ITERATION = "network.", "optimizer.", "iteration"
+_MAX_ITERATION = 2**31
 
 
 class CheckpointError(RuntimeError):
-    """The checkpoint cannot be used; the message names the file and what to do."""
+    """The checkpoint cannot be used; the message says why and what to do."""
 
 
-def save_checkpoint(
-    path: Path, network: nn.Module, optimizer: torch.optim.Optimizer, iteration: int
-) -> None:
-    """Writes the state after `iteration` policy updates."""
-    write_atomically(
-        path, save(state_tensors(network, optimizer) | {"iteration": torch.tensor(iteration)})
-    )
+def encode_checkpoint(
+    network: nn.Module, optimizer: torch.optim.Optimizer, iteration: int
+) -> bytes:
+    """The state after `iteration` policy updates."""
+    tensors = state_tensors(network, optimizer) | {_ITERATION: torch.tensor(iteration)}
+    return save(tensors, metadata={"schema": str(SCHEMA), "sha256": _digest(tensors)})
 
 
 def state_tensors(network: nn.Module, optimizer: torch.optim.Optimizer) -> dict[str, Tensor]:
@@ -53,24 +61,63 @@ def restore(
     optimizer.load_state_dict(restored)
 
 
-def load_checkpoint(path: Path, network: nn.Module, optimizer: torch.optim.Optimizer) -> int:
+def decode_checkpoint(data: bytes, network: nn.Module, optimizer: torch.optim.Optimizer) -> int:
     """Restores network and optimizer in place.
 
     Returns:
         The number of policy updates done.
 
     Raises:
-        CheckpointError: the file is damaged or of another network.
+        CheckpointError: the bytes are damaged, of another network or of another version.
     """
     try:
-        tensors = load(path.read_bytes())
+        tensors = load(data)
+        _check_metadata(_metadata(data), tensors)
+        done = _done(tensors[_ITERATION])
         restore(tensors, network, optimizer)
-        return int(tensors["iteration"])
-    except (SafetensorError, KeyError, ValueError, RuntimeError) as error:
-        raise CheckpointError(
-            f"{path} cannot be resumed from: {error}. Remove it to train the run from its beginning; "
-            "its episodes are kept"
-        ) from error
+    except (SafetensorError, KeyError, ValueError, RuntimeError, OverflowError) as error:
+        raise CheckpointError(f"{error}; {REMEDY}") from error
+    return done
+
+
+REMEDY = "remove checkpoint.safetensors to train the run from its beginning, where its episodes count again"
+
+
+def _metadata(data: bytes) -> dict[str, Any] | None:
+    """What the header of a safetensors file says beside its arrays; None: nothing."""
+    (length,) = struct.unpack_from("<Q", data)
+    found: dict[str, Any] | None = json.loads(data[8 : 8 + length]).get("__metadata__")
+    return found
+
+
+def _check_metadata(metadata: dict[str, Any] | None, tensors: dict[str, Tensor]) -> None:
+    if metadata is None:
+        log.warning("the checkpoint is of schema 1 and has no digest: it is taken as it is")
+        return
+    if metadata.get("schema") != str(SCHEMA):
+        raise ValueError(
+            f"checkpoint schema {str(metadata.get('schema'))[:20]}, bpn {VERSION} reads 1 and {SCHEMA}"
+        )
+    if metadata.get("sha256") != _digest(tensors):
+        raise ValueError(
+            "the checkpoint was altered since it was written: its SHA-256 is another one"
+        )
+
+
+def _done(iteration: Tensor) -> int:
+    if iteration.dtype != torch.int64 or iteration.shape != ():
+        raise ValueError(f"iteration is {iteration.dtype}{list(iteration.shape)}, not one int64")
+    done = int(iteration)
+    if not 0 <= done < _MAX_ITERATION:
+        raise ValueError(f"iteration = {done} is none")
+    return done
+
+
+def _digest(tensors: dict[str, Tensor]) -> str:
+    return arrays_digest(
+        (name, str(value.dtype), value.shape, value.cpu().contiguous().numpy().tobytes())
+        for name, value in tensors.items()
+    )
 
 
 def _part(tensors: dict[str, Tensor], prefix: str) -> dict[str, Tensor]:

@@ -1,7 +1,8 @@
 """Which episodes of the iteration are where: handed out, on disk, or still to be played.
 
 Nothing is lost: an episode is acknowledged only once it is on disk, and one whose edge died is handed out
-again. Nothing counts twice: an episode is its (iteration, episode), and the first delivery stands.
+again. Nothing counts twice: an episode is its (iteration, episode), and the first delivery stands. Nothing is
+taken that cannot be learned from: its rewards are computed before it is stored.
 """
 
 import logging
@@ -11,20 +12,31 @@ import time
 from collections.abc import Callable, Container
 from dataclasses import dataclass
 
-import numpy as np
-
+from bpn_learner.episodes import EpisodeError, Scored, load_episodes, score
+from bpn_learner.refusals import Refusals
+from bpn_learner.storage import StorageError, trouble
 from bpn_shared.config import RunConfig
-from bpn_shared.messages.base import MessageError
-from bpn_shared.messages.control import Assignment, EpisodeReceipt, NextEpisode
-from bpn_shared.messages.episode import Episode
-from bpn_shared.runs.files import write_atomically
-from bpn_shared.runs.folder import RunFolder
+from bpn_shared.messages.base import MessageError, OtherVersionError
+from bpn_shared.messages.control import (
+    Assignment,
+    EpisodeReceipt,
+    Fault,
+    FaultReceipt,
+    NextEpisode,
+)
+from bpn_shared.messages.episode import Episode, EpisodeMeta, decode_meta
+from bpn_shared.runs.lock import OwnershipLostError
+from bpn_shared.runs.ownership import Ownership
 from bpn_shared.seeds import episode_seed
+from bpn_shared.service import Counters, Waiting
 
 log = logging.getLogger(__name__)
 
 LEASE_S = 60.0
 """Grace on top of the time that an episode takes in realtime pacing."""
+PROVE_S = 1.0
+"""How often who waits for episodes looks whether the run is still its own."""
+_MAX_REASON = 400
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,49 +52,91 @@ class EpisodeLedger:
     """The current iteration's episodes. Its methods may be called from any thread.
 
     Args:
+        owner: keeps the episodes.
         alive: the edges that are alive now; a lease of one that is not has ended.
+        waiting: is told what is waited for.
+        counters: `episodes_refused` and `episode_faults` are counted here.
     """
 
-    def __init__(self, config: RunConfig, folder: RunFolder, alive: Container[str]) -> None:
-        self._config, self._folder, self._alive = config, folder, alive
+    def __init__(
+        self,
+        config: RunConfig,
+        owner: Ownership,
+        alive: Container[str],
+        waiting: Waiting,
+        counters: Counters,
+    ) -> None:
+        self._config, self._owner, self._alive = config, owner, alive
+        self._waiting, self._counters = waiting, counters
         self._lease_s = LEASE_S + config.steps * config.task_spec.control_period_s
         self._changed = threading.Condition()
         self._iteration = -1
-        self._attempt = 0
+        self._oldest_attempt = 0
         self._collecting = False
         self._finished = False
         self._told: dict[int, bool] = {}  # by slot that has asked: whether it knows of the end
-        self._stored: dict[int, Episode] = {}
+        self._stored: dict[int, Scored] = {}
         self._leases: dict[int, Lease] = {}
         self._lags: list[int] = []
+        self._refusals = Refusals(-1)
+        self._obstacle = ""
+        self._failure: Exception | None = None
         self.redelivered = 0
         """Deliveries of episodes that were there already: an acknowledgement had been lost."""
 
-    def begin(self, iteration: int, attempt: int) -> None:
-        """Starts handing out an iteration's episodes, but for those that are on disk already."""
-        stored = load_episodes(self._folder, self._config, iteration)
+    def begin(self, iteration: int, oldest_attempt: int = 0) -> None:
+        """Starts handing out an iteration's episodes, but for those that are on disk already.
+
+        Args:
+            oldest_attempt: the first attempt whose weights of that version are those of now: what older ones
+                played is no data.
+
+        Raises:
+            DataError: a file of an episode cannot be read, or another version wrote it.
+            OwnershipLostError: another learner has taken the run over.
+        """
+        stored = load_episodes(self._owner, self._config, iteration, oldest_attempt)
         with self._changed:
-            self._iteration, self._attempt = iteration, attempt
+            self._iteration, self._oldest_attempt = iteration, oldest_attempt
             self._stored, self._leases = stored, {}
             self._lags = []
+            self._refusals, self._obstacle = Refusals(iteration), ""
             self._collecting = True
             self._changed.notify_all()
 
     def wait_complete(
         self, stop: threading.Event, on_progress: Callable[[int], None]
-    ) -> list[Episode] | None:
-        """Waits for all episodes of the iteration, in order of e; None if stopped before."""
-        reported = -1
-        with self._changed:
-            while len(self._stored) < self._config.episodes:
+    ) -> list[Scored] | None:
+        """Waits for all episodes of the iteration, in order of e; None if stopped before.
+
+        Raises:
+            EpisodeImpossibleError: one of them cannot be had.
+            OwnershipLostError: another learner has taken the run over.
+        """
+        reported, prove_at_s = -1, time.monotonic() + PROVE_S
+        while True:
+            with self._changed:
+                if self._failure is not None:
+                    raise self._failure
+                count = len(self._stored)
+                if count == self._config.episodes:
+                    self._collecting = False
+                    self._waiting.done()
+                    return [self._stored[episode] for episode in sorted(self._stored)]
                 if stop.is_set():
                     return None
-                if len(self._stored) != reported:
-                    reported = len(self._stored)
-                    on_progress(reported)
-                self._changed.wait(timeout=0.2)  # bounded, so that `stop` is seen
-            self._collecting = False
-            return [self._stored[episode] for episode in sorted(self._stored)]
+                self._waiting.set(
+                    self._obstacle
+                    or f"{self._config.episodes} episodes of iteration {self._iteration}"
+                )
+                if count == reported:
+                    self._changed.wait(timeout=0.2)  # bounded, so that `stop` is seen
+            if count != reported:
+                on_progress(count)
+                reported = count
+            if time.monotonic() > prove_at_s:
+                self._owner.prove()
+                prove_at_s = time.monotonic() + PROVE_S
 
     def finish(self) -> None:
         """From now on edges are told that the run is finished."""
@@ -122,7 +176,7 @@ class EpisodeLedger:
                 iteration=self._iteration,
                 episode=episode,
                 seed=episode_seed(self._config.seed, self._iteration, episode),
-                weights_attempt=self._attempt,
+                weights_attempt=self._owner.attempt,
                 weights_version=self._iteration,  # theta-minus has seen as many updates
                 policy=self._config.policy,
                 epsilon=self._config.epsilon(self._iteration),
@@ -145,64 +199,91 @@ class EpisodeLedger:
         """Takes a delivered episode: on disk when this returns "stored".
 
         Raises:
-            MessageError: the bytes are no episode of this run's task.
+            MessageError: the bytes are no episode.
+            StorageError: it cannot be kept now; nothing of it is, and it has to be delivered again.
         """
-        episode = Episode.decode(data, self._config.task_spec)
+        try:
+            episode = Episode.decode(data, self._config.task_spec)
+        except OtherVersionError as error:
+            with self._changed:
+                self._obstacle = f"episodes that can be read: {error}"
+            raise
+        except MessageError as error:
+            meta, _ = decode_meta(data)  # raises, if it is not even known which one it is
+            return self._refuse(meta, str(error))
         meta = episode.meta
         with self._changed:
-            reason = self._unwanted(episode)
-            if reason is not None:
-                log.warning("episode (%d, %d) refused: %s", meta.iteration, meta.episode, reason)
-                return EpisodeReceipt(verdict="refused", reason=reason)
-            if meta.iteration < self._iteration or meta.episode in self._stored:
-                self.redelivered += 1
+            if reason := self._untimely(meta):
+                return self._refuse(meta, reason, counts=False)
+            if self._is_there(meta):
                 return EpisodeReceipt(verdict="duplicate")
-            write_atomically(self._folder.episode_path(meta.iteration, meta.episode), data)
-            self._stored[meta.episode] = episode
+        try:
+            scored = score(episode, self._config)
+        except EpisodeError as error:
+            return self._refuse(meta, str(error))
+        with self._changed:
+            if self._is_there(meta):
+                return EpisodeReceipt(verdict="duplicate")
+            self._store(scored, data)
             self._leases.pop(meta.episode, None)
+            self._obstacle = ""
             self._changed.notify_all()
             return EpisodeReceipt(verdict="stored")
 
-    def _unwanted(self, episode: Episode) -> str | None:
-        meta = episode.meta
+    def _untimely(self, meta: EpisodeMeta) -> str | None:
+        """Why an episode is not of what is collected now, though it may be a good one."""
         if meta.iteration > self._iteration:
             return f"iteration {meta.iteration} has not begun"
-        if meta.weights_version != meta.iteration:
-            return f"played with weights version {meta.weights_version}"
-        return why_invalid(episode, self._config)
+        if meta.iteration < self._iteration:
+            return None  # a duplicate
+        attempt = self._owner.attempt
+        if not self._oldest_attempt <= meta.weights_attempt <= attempt:
+            return f"weights of attempt {meta.weights_attempt} played it, those of attempt {attempt} are others"
+        return None
 
+    def _is_there(self, meta: EpisodeMeta) -> bool:
+        there = meta.iteration < self._iteration or (
+            meta.iteration == self._iteration and meta.episode in self._stored
+        )
+        self.redelivered += there
+        return there
 
-def why_invalid(episode: Episode, config: RunConfig) -> str | None:
-    """What keeps an episode from being data of a run with this configuration, if anything does."""
-    meta = episode.meta
-    if meta.episode >= config.episodes:
-        return f"an iteration has episodes 0..{config.episodes - 1}"
-    if meta.seed != episode_seed(config.seed, meta.iteration, meta.episode):
-        return f"seed {meta.seed} is another run's"
-    outputs = "int32" if config.algorithm_spec.network == "binary" else "float32"
-    if episode.outputs.dtype.name != outputs:
-        return f"outputs are {episode.outputs.dtype.name}, {config.algorithm} has {outputs}"
-    told = config.task_spec.rewards == "robot"
-    if told and not np.isfinite(episode.rewards).all():
-        return "not every step has a reward, the task's come from the robot"
-    may_be_short = (
-        meta.terminated or told
-    )  # such an environment may end an episode for reasons of its own
-    if episode.steps > config.steps or (episode.steps < config.steps and not may_be_short):
-        return f"{episode.steps} steps, an episode of this run has {config.steps}"
-    return None
-
-
-def load_episodes(folder: RunFolder, config: RunConfig, iteration: int) -> dict[int, Episode]:
-    """An iteration's stored episodes by e. A damaged file is set aside, its episode played again."""
-    stored: dict[int, Episode] = {}
-    for index in range(config.episodes):
-        path = folder.episode_path(iteration, index)
-        if not path.exists():
-            continue
+    def _store(self, scored: Scored, data: bytes) -> None:
+        meta = scored.episode.meta
+        which = f"episode ({meta.iteration}, {meta.episode})"
         try:
-            stored[index] = Episode.decode(path.read_bytes(), config.task_spec)
-        except MessageError as error:
-            log.warning("%s is damaged (%s): set aside, the episode is played again", path, error)
-            path.rename(path.with_suffix(".damaged"))
-    return stored
+            self._owner.write_episode(meta.iteration, meta.episode, data)
+        except OwnershipLostError as error:
+            self._failure = error
+            self._changed.notify_all()
+            raise StorageError(str(error)) from error
+        except OSError as error:
+            self._obstacle = trouble(which, error)
+            self._changed.notify_all()
+            raise StorageError(f"waits for {self._obstacle}") from error
+        self._stored[meta.episode] = scored
+
+    def _refuse(self, meta: EpisodeMeta, reason: str, *, counts: bool = True) -> EpisodeReceipt:
+        reason = reason[:_MAX_REASON]
+        self._counters.refuse(
+            "episodes_refused", f"episode ({meta.iteration}, {meta.episode}) refused: {reason}"
+        )
+        if counts:
+            self._count(meta.iteration, meta.episode, reason)
+        return EpisodeReceipt(verdict="refused", reason=reason)
+
+    def fault(self, fault: Fault) -> FaultReceipt:
+        """Notes that an episode cannot be had."""
+        self._counters.refuse(
+            "episode_faults",
+            f"episode ({fault.iteration}, {fault.episode}) cannot be had, {fault.worker} says: {fault.reason}",
+        )
+        self._count(fault.iteration, fault.episode, fault.reason)
+        return FaultReceipt()
+
+    def _count(self, iteration: int, episode: int, reason: str) -> None:
+        with self._changed:
+            missing = episode < self._config.episodes and episode not in self._stored
+            if iteration == self._iteration and self._collecting and missing:
+                self._failure = self._failure or self._refusals.add(episode, reason)
+                self._changed.notify_all()

@@ -6,23 +6,28 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from bpn_learner.checkpoint import CheckpointError
+from bpn_learner.episodes import DataError
 from bpn_learner.group import GroupLostError
 from bpn_learner.ledger import EpisodeLedger
 from bpn_learner.member import serve_member
+from bpn_learner.refusals import EpisodeImpossibleError
 from bpn_learner.rendezvous import Rendezvous
-from bpn_learner.reward import RewardError
+from bpn_learner.storage import StorageError, StorageStopped, insist
 from bpn_learner.training import Training
 from bpn_learner.update import DivergenceError
 from bpn_shared import keys
 from bpn_shared.bus.liveliness import Alive
 from bpn_shared.bus.logs import LogCollector
 from bpn_shared.bus.metrics import MetricsPublisher
-from bpn_shared.bus.requests import Responder
+from bpn_shared.bus.requests import RefusedError, Responder
+from bpn_shared.bus.router_watch import GIVE_UP_AFTER_S
 from bpn_shared.bus.weights import WeightsPublisher
 from bpn_shared.config import ConfigError
 from bpn_shared.entry import argument_parser, run_worker
-from bpn_shared.messages.control import NextEpisode
-from bpn_shared.runs.folder import RunFolder
+from bpn_shared.messages.control import Fault, NextEpisode
+from bpn_shared.runs.folder import RunFolder, State
+from bpn_shared.runs.ownership import Ownership
+from bpn_shared.version import written_by
 from bpn_shared.watchdog import EPISODES_STORED, EPOCHS_DONE
 from bpn_shared.weights import Weights
 from bpn_shared.worker import EXIT_FINISHED, EXIT_UNRECOVERABLE, Worker, service_names
@@ -33,7 +38,15 @@ _TELL_S = 2.0
 """How long a finished run's learner waits for its edges to ask once more, so that they are told."""
 
 
-_HOPELESS = (CheckpointError, ConfigError, DivergenceError, GroupLostError, RewardError)
+_HOPELESS = (
+    CheckpointError,
+    ConfigError,
+    DataError,
+    DivergenceError,
+    EpisodeImpossibleError,
+    GroupLostError,
+    StorageError,
+)
 
 
 def serve(worker: Worker, runs_dir: Path) -> int:
@@ -48,15 +61,25 @@ def serve(worker: Worker, runs_dir: Path) -> int:
     if worker.slot > 0:
         return serve_member(worker)
     folder = RunFolder.open(runs_dir, str(worker.run))
-    with folder.owned(worker.id), _collected_logs(worker, folder):
-        state = folder.set_state("running", new_attempt=True)
+    with folder.owned(worker.id) as owner, _collected_logs(worker, folder):
         try:
-            _train(worker, folder, state.attempt)
+            insist("the attempt", owner.begin_attempt, waiting=worker.waiting, stop=worker.stop)
+            _train(worker, owner)
+        except StorageStopped:
+            return EXIT_FINISHED
         except _HOPELESS as error:
             log.error("%s", error)  # it would come again
-            folder.set_state("failed", error=str(error))
+            _say_failed(owner, str(error))
             return EXIT_UNRECOVERABLE
     return EXIT_FINISHED
+
+
+def _say_failed(owner: Ownership, error: str) -> None:
+    """As far as the disk lets it; the log has the reason in any case."""
+    try:
+        owner.set_state("failed", error=error)
+    except (OSError, ConfigError) as why:
+        log.error("the run's state cannot be written: %s", why)
 
 
 def _collected_logs(worker: Worker, folder: RunFolder) -> contextlib.AbstractContextManager[object]:
@@ -68,18 +91,26 @@ def _collected_logs(worker: Worker, folder: RunFolder) -> contextlib.AbstractCon
     return LogCollector(worker.bus, worker.run, folder.logs, services)
 
 
-def _train(worker: Worker, folder: RunFolder, attempt: int) -> None:
-    config = folder.config()
-    log.info("attempt %d: %s, %s", attempt, config.algorithm, config.task)
-    ledger = EpisodeLedger(config, folder, Alive(worker.bus, "edge"))
+def _train(worker: Worker, owner: Ownership) -> None:
+    config = owner.folder.config()
+    program = " ".join(f"{name} {value}" for name, value in written_by().items() if value)
+    log.info("attempt %d: %s, %s (%s)", owner.attempt, config.algorithm, config.task, program)
+    alive = Alive(worker.bus, "edge")
+    ledger = EpisodeLedger(config, owner, alive, worker.waiting, worker.counters)
 
     def next_episode(body: bytes) -> bytes:
         return ledger.next(NextEpisode.decode(body)).encode()
 
     def episode(body: bytes) -> bytes:
-        receipt = ledger.receive(body)
+        try:
+            receipt = ledger.receive(body)
+        except StorageError as error:
+            raise RefusedError(str(error)) from error
         worker.counters.add(EPISODES_STORED, receipt.verdict == "stored")
         return receipt.encode()
+
+    def fault(body: bytes) -> bytes:
+        return ledger.fault(Fault.decode(body)).encode()
 
     def configuration(_body: bytes) -> bytes:
         return config.model_dump_json().encode()
@@ -101,12 +132,12 @@ def _train(worker: Worker, folder: RunFolder, attempt: int) -> None:
         Responder(worker.bus, keys.config(worker.run), configuration, worker.counters),
         Responder(worker.bus, keys.next_episode(worker.run), next_episode, worker.counters),
         Responder(worker.bus, keys.episode(worker.run), episode, worker.counters),
+        Responder(worker.bus, keys.fault(worker.run), fault, worker.counters),
     ]
     training = Training(
         config,
-        folder,
+        owner,
         ledger,
-        attempt=attempt,
         publish=publish,
         rendezvous=Rendezvous(worker, config) if config.learners > 1 else None,
         report=report,
@@ -114,7 +145,8 @@ def _train(worker: Worker, folder: RunFolder, attempt: int) -> None:
         stop=worker.stop,
     )
     finished = training.run()
-    folder.set_state("finished" if finished else "stopped")
+    end: State = "finished" if finished else "stopped"
+    insist("the state", lambda: owner.set_state(end), waiting=worker.waiting, stop=worker.stop)
     if finished:
         ledger.finish()
         ledger.wait_told(worker.stop, _TELL_S)
@@ -132,4 +164,9 @@ def main(argv: list[str] | None = None) -> int:
         help="rank among the run's learners; 0 (default) is the one that owns the run folder",
     )  # fmt: skip
     options = parser.parse_args(argv)
-    return run_worker("learner", options, lambda worker: serve(worker, options.runs_dir))
+    return run_worker(
+        "learner",
+        options,
+        lambda worker: serve(worker, options.runs_dir),
+        holds_on_s=GIVE_UP_AFTER_S,
+    )

@@ -6,19 +6,21 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping
+from functools import partial
 from pkgutil import resolve_name
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from bpn_learner.checkpoint import load_checkpoint, save_checkpoint
+from bpn_learner.checkpoint import encode_checkpoint
+from bpn_learner.episodes import Scored, load_episodes
 from bpn_learner.export import export
 from bpn_learner.group import ALONE, Group, GroupLostError
 from bpn_learner.handout import hand_out
-from bpn_learner.initial import initial_policy
-from bpn_learner.ledger import EpisodeLedger, load_episodes
+from bpn_learner.history import History
+from bpn_learner.ledger import EpisodeLedger
 from bpn_learner.rendezvous import Rendezvous
-from bpn_learner.reward import episode_rewards
+from bpn_learner.storage import StorageStopped, insist
 from bpn_learner.transitions import EpisodeData, Transitions
 from bpn_learner.update import (
     PolicyUpdate,
@@ -28,9 +30,8 @@ from bpn_learner.update import (
     policy_update,
 )
 from bpn_shared.config import ConfigError, RunConfig
-from bpn_shared.messages.episode import Episode
-from bpn_shared.runs.files import write_atomically
 from bpn_shared.runs.folder import RunFolder
+from bpn_shared.runs.ownership import Ownership
 from bpn_shared.seeds import shuffle_generator
 from bpn_shared.service import Waiting
 from bpn_shared.success import share, success_of
@@ -52,7 +53,8 @@ class Training:
     """One attempt at a run, from where its checkpoint stands.
 
     Args:
-        attempt: stamped on the weights, so that edges prefer them to an earlier learner's.
+        owner: writes into the run folder; its attempt is stamped on the weights, so that edges prefer them to an
+            earlier learner's.
         publish: sends weights to the edges.
         report: publishes live progress.
         rendezvous: gathers the other learners for every update; None: there are none.
@@ -62,21 +64,21 @@ class Training:
     def __init__(
         self,
         config: RunConfig,
-        folder: RunFolder,
+        owner: Ownership,
         ledger: EpisodeLedger,
         *,
-        attempt: int,
         publish: Callable[[Weights], None],
         report: Report,
         rendezvous: Rendezvous | None,
         waiting: Waiting,
         stop: threading.Event,
     ) -> None:
-        self._config, self._folder, self._ledger = config, folder, ledger
-        self._attempt, self._publish, self._report = attempt, publish, report
+        self._config, self._owner, self._ledger = config, owner, ledger
+        self._publish, self._report = publish, report
         self._waiting, self._stop = waiting, stop
         self._rendezvous, self._exchange_s = rendezvous, 0.0
-        self._network, self._optimizer = initial_policy(config)
+        self._history = History(config, owner.folder)
+        self._network, self._optimizer, self._done = self._history.load_policy()
         self._data: deque[list[EpisodeData]] = deque(maxlen=config.datasets)  # D
 
     def run(self) -> bool:
@@ -87,90 +89,113 @@ class Training:
 
         Raises:
             CheckpointError: the run folder's checkpoint is unusable.
+            DataError: data of an iteration that is done are lost, or others than they were.
             DivergenceError: the loss is no longer finite.
+            EpisodeImpossibleError: an episode cannot be had.
             GroupLostError: other learners were lost in every one of many tries.
-            RewardError: a frame shows no marker.
+            OwnershipLostError: another learner has taken the run over.
+            StorageError: the disk takes nothing, for long.
         """
-        done = self._restore()
-        events = _event_writer(self._config, self._folder, done)
-        self._release(done)
-        for iteration in range(done, self._config.iterations):
+        try:
+            return self._train()
+        except (UpdateStopped, StorageStopped):
+            return False
+
+    def _train(self) -> bool:
+        self._restore()
+        events = _event_writer(self._config, self._owner.folder, self._done)
+        _, oldest_attempt = self._release(self._done)
+        for iteration in range(self._done, self._config.iterations):
             start_s = time.monotonic()
-            episodes = self._collect(iteration)
-            if episodes is None:
-                return False
+            episodes = self._collect(iteration, oldest_attempt)
             collect_s = time.monotonic() - start_s
-            self._data.append([self._learnable(episode) for episode in episodes])
-            self._keep_rewards(iteration)
-            try:
-                update = self._update(iteration)
-            except UpdateStopped:
-                return False
-            weights = self._release(iteration + 1)
+            self._take(iteration, episodes)
+            update = self._update(iteration)
+            weights, oldest_attempt = self._release(iteration + 1)
             seconds = {"collect_s": collect_s, "iteration_s": time.monotonic() - start_s}
             record = self._record(iteration, episodes, update, weights) | seconds
-            self._folder.append_metrics(record)
+            self._insist("metrics", partial(self._owner.append_metrics, record))
             if events is not None:
-                events.write(record)
+                self._insist("TensorBoard's events", partial(events.write, record))
             # Last: a crash before this line repeats the iteration, to the same result.
-            save_checkpoint(
-                self._folder.checkpoint_path, self._network, self._optimizer, iteration + 1
-            )
+            checkpoint = encode_checkpoint(self._network, self._optimizer, iteration + 1)
+            self._insist("the checkpoint", partial(self._owner.write_checkpoint, checkpoint))
             self._report(iteration, {k: v for k, v in record.items() if isinstance(v, float)})
         return True
 
-    def _restore(self) -> int:
-        done = self._load_policy()
-        for iteration in range(max(0, done - self._config.datasets), done):
-            stored = load_episodes(self._folder, self._config, iteration)
-            self._data.append([self._learnable(stored[episode]) for episode in sorted(stored)])
-        if done:
-            log.info("resumes after %d of %d iterations", done, self._config.iterations)
-        return done
+    def _insist(self, what: str, write: Callable[[], object]) -> None:
+        insist(what, write, waiting=self._waiting, stop=self._stop)
 
-    def _load_policy(self) -> int:
+    def _restore(self) -> None:
+        """The data sets that the next update needs, each with all its episodes."""
+        if self._done:
+            self._history.check_policy(self._network, self._done)
+            log.info("resumes after %d of %d iterations", self._done, self._config.iterations)
+        for iteration in range(max(0, self._done - self._config.datasets), self._done):
+            self._take(iteration, self._data_set(iteration))
+
+    def _data_set(self, iteration: int) -> list[Scored]:
+        """All episodes of an iteration that is done; what is missing is played again, with its weights."""
+        stored = load_episodes(self._owner, self._config, iteration)
+        if len(stored) == self._config.episodes:
+            return [stored[episode] for episode in sorted(stored)]
+        log.warning(
+            "%d of the %d episodes of iteration %d are there: the others are played again",
+            len(stored), self._config.episodes, iteration,
+        )  # fmt: skip
+        self._publish(self._history.weights(iteration, self._owner.attempt))
+        return self._collect(iteration)
+
+    def _load_policy(self) -> None:
         """Sets network and optimizer to the last checkpoint's, or else to what they were at the beginning."""
-        self._network, self._optimizer = initial_policy(self._config)
-        if not self._folder.checkpoint_path.exists():
-            return 0
-        done = load_checkpoint(self._folder.checkpoint_path, self._network, self._optimizer)
-        self._network.eval()
-        return done
+        self._network, self._optimizer, _ = self._history.load_policy()
 
-    def _release(self, version: int) -> Weights:
-        """Exports the network, keeps the policy in the run folder and sends it out."""
-        weights = export(
-            self._network, run=self._folder.run, attempt=self._attempt, version=version
-        )
-        write_atomically(self._folder.weights_path(version), weights.encode())
+    def _release(self, version: int) -> tuple[Weights, int]:
+        """Exports the network, keeps the policy in the run folder and sends it out.
+
+        Returns:
+            The policy, and the oldest attempt whose version of that number is the same; 0 if all are.
+        """
+        folder, attempt = self._owner.folder, self._owner.attempt
+        weights = export(self._network, run=folder.run, attempt=attempt, version=version)
+        before = self._history.weights_sha256(version)
+        is_other = before is not None and before != weights.content_sha256()
+        if is_other:
+            log.warning(
+                "weights version %d is another than in an earlier attempt%s", version,
+                ", though it was computed from the same data" * self._history.is_repeatable,
+            )  # fmt: skip
+        self._insist(f"weights version {version}", lambda: self._owner.write_weights(weights))
         self._publish(weights)
-        return weights
+        return weights, attempt if is_other else 0
 
-    def _collect(self, iteration: int) -> list[Episode] | None:
-        self._waiting.set(f"{self._config.episodes} episodes of iteration {iteration}")
-        self._ledger.begin(iteration, self._attempt)
+    def _collect(self, iteration: int, oldest_attempt: int = 0) -> list[Scored]:
+        self._ledger.begin(iteration, oldest_attempt)
         episodes = self._ledger.wait_complete(
             self._stop,
             lambda count: self._report(iteration, {"progress.episodes": float(count)}),
         )
-        self._waiting.done()
+        if episodes is None:
+            raise UpdateStopped(f"stopped while iteration {iteration} was collected")
         return episodes
 
-    def _learnable(self, episode: Episode) -> EpisodeData:
-        """The episode with its rewards; the paper's tasks have them from the pixels alone (section VI-A)."""
-        rewards = episode_rewards(self._config.task_spec, episode)
-        return EpisodeData(
-            frames=episode.frames,
-            actions=episode.actions,
-            rewards=rewards * self._config.reward_scale,
-            terminated=episode.meta.terminated,
-        )
-
-    def _keep_rewards(self, iteration: int) -> None:
-        """For whoever looks at an episode later: they are the learner's alone to compute."""
+    def _take(self, iteration: int, episodes: list[Scored]) -> None:
+        """Makes an iteration's episodes the newest data set, and keeps their rewards for who looks at them."""
         scale = self._config.reward_scale
-        rewards_px = [np.round(episode.rewards / scale, 3).tolist() for episode in self._data[-1]]
-        self._folder.append_rewards(iteration, rewards_px)
+        self._data.append(
+            [
+                EpisodeData(
+                    frames=scored.episode.frames,
+                    actions=scored.episode.actions,
+                    rewards=scored.rewards * scale,
+                    terminated=scored.episode.meta.terminated,
+                )
+                for scored in episodes
+            ]
+        )
+        rewards_px = [np.round(data.rewards / scale, 3).tolist() for data in self._data[-1]]
+        if not self._history.check_rewards(iteration, episodes, rewards_px):
+            self._insist("rewards", lambda: self._owner.append_rewards(iteration, rewards_px))
 
     def _update(self, iteration: int) -> UpdateReport:
         """One policy update; where others share it, again from the checkpoint until none was lost."""
@@ -214,35 +239,36 @@ class Training:
             yield group
             self._exchange_s = group.exchange_s
 
-    def _successes(self, episodes: list[Episode]) -> dict[str, int]:
+    def _successes(self, episodes: list[Scored]) -> dict[str, int]:
         """How many succeeded, if that is defined."""
         task, scale = self._config.task_spec, self._config.reward_scale
         told = [
-            success_of(task, episode.meta, data.rewards / scale)
-            for episode, data in zip(episodes, self._data[-1], strict=True)
+            success_of(task, scored.episode.meta, data.rewards / scale)
+            for scored, data in zip(episodes, self._data[-1], strict=True)
         ]
         return {} if share(told) is None else {"successes": sum(map(bool, told))}
 
     def _record(
-        self, iteration: int, episodes: list[Episode], update: UpdateReport, weights: Weights
+        self, iteration: int, episodes: list[Scored], update: UpdateReport, weights: Weights
     ) -> dict[str, float | int | str | list[float]]:
         """The iteration's line in the run folder; docs/metrics.md explains every value."""
         scale = self._config.reward_scale
         returns = [float(episode.rewards.sum()) / scale for episode in self._data[-1]]
         name = self._config.task_spec.return_metric
-        lengths = [episode.steps for episode in episodes]
+        lengths = [scored.episode.steps for scored in episodes]
+        metas = [scored.episode.meta for scored in episodes]
         return {
             "iteration": iteration,
-            "attempt": self._attempt,
+            "attempt": self._owner.attempt,
             "time_unix_s": time.time(),
             "episodes": len(episodes),
             "transitions": sum(lengths),
             name: float(np.mean(returns)),
             name.replace("return", "returns"): returns,
             "length": float(np.mean(lengths)),
-            "terminated": sum(episode.meta.terminated for episode in episodes),
+            "terminated": sum(meta.terminated for meta in metas),
             **self._successes(episodes),
-            "deadline_misses": sum(episode.meta.deadline_misses for episode in episodes),
+            "deadline_misses": sum(meta.deadline_misses for meta in metas),
             "loss_first": update.loss_first,
             "loss": update.loss_last,
             "max_preference": update.max_preference,

@@ -8,7 +8,7 @@ import numpy.typing as npt
 from gymnasium.spaces import Box
 from PIL import Image
 
-from bpn_robot_sim.rendering import Frame
+from bpn_robot_sim.rendering import Frame, is_flat
 from bpn_shared.bnn.spec import IMAGE_SIZE_PX
 
 Picture = npt.NDArray[np.uint8]
@@ -135,8 +135,3 @@ def why_blind(frames: Sequence[Frame]) -> str | None:
     if len(frames) > 1 and all(np.array_equal(frame, frames[0]) for frame in frames[1:]):
         return f"all its {len(frames)} pictures are alike, whatever the actions"
     return None
-
-
-def is_flat(frame: Frame) -> bool:
-    """Whether the whole frame, uint8[c, 84, 84], has one colour."""
-    return bool((frame == frame[:, :1, :1]).all())

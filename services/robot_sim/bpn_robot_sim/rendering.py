@@ -62,6 +62,11 @@ class Camera:
         self._renderer.close()
 
 
+def is_flat(frame: Frame) -> bool:
+    """Whether the whole frame, uint8[c, 84, 84], has one colour: such a camera shows nothing."""
+    return bool((frame == frame[:, :1, :1]).all())
+
+
 def backend() -> str:
     """How images are made on this machine, like `egl, llvmpipe (LLVM 15.0.6, 256 bits)`.
 

@@ -3,7 +3,7 @@
 from pkgutil import resolve_name
 from typing import Any, Protocol
 
-from bpn_robot_sim.rendering import Frame
+from bpn_robot_sim.rendering import Frame, RenderingError, is_flat
 from bpn_shared.config import ConfigError
 from bpn_shared.tasks import Task, is_gym, task_named
 
@@ -110,9 +110,12 @@ def robot_for(task: Task) -> Robot:
         RenderingError: OpenGL cannot be started.
     """
     if not is_gym(task.name):
-        return make_robot(task.name)
-    robot: Robot = of_gym("GymRobot")(task)
-    return robot
+        robot = make_robot(task.name)
+        if is_flat(robot.reset(0)):
+            raise RenderingError(RuntimeError("its pictures have one colour only"))
+        return robot
+    of_environment: Robot = of_gym("GymRobot")(task)
+    return of_environment
 
 
 def of_gym(name: str) -> Any:

@@ -5,6 +5,7 @@ it ticks at the control period whatever comes; without an action in time the rob
 be given a delay, as a slower network or processor would: it then acts that much after it arrived.
 """
 
+import logging
 import threading
 import time
 from collections import deque
@@ -12,19 +13,23 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from bpn_robot_sim.probe import answer
-from bpn_robot_sim.robot import Robot, robot_for
+from bpn_robot_sim.rendering import is_flat
+from bpn_robot_sim.robot import Robot, RobotFault, robot_for
 from bpn_shared import keys
 from bpn_shared.bus.latest import LatestPublisher, LatestSubscriber, Sample
 from bpn_shared.bus.requests import Responder
 from bpn_shared.bus.sampled import SampledPublisher
 from bpn_shared.config import RunConfig
 from bpn_shared.entry import run_slot_worker
+from bpn_shared.faults import FaultReporter
 from bpn_shared.messages.action import Action
 from bpn_shared.messages.base import MessageError
 from bpn_shared.messages.control import Reset, ResetReply
 from bpn_shared.messages.frame import NO_ACTION, NO_REWARD, FrameHeader, FrameKind
 from bpn_shared.messages.preview import PreviewHeader
 from bpn_shared.worker import EXIT_FINISHED, Worker
+
+log = logging.getLogger(__name__)
 
 _RESEND_S = 0.25
 _PREVIEW_HZ = 30.0
@@ -62,6 +67,9 @@ class RobotService:
         self._current: Reset | None = None
         self._pending: Reset | None = None
         self._repeat = False
+        self._step = 0
+        """That is under way in this episode, 1..T; 0: the reset."""
+        self._faults = FaultReporter(worker)
         self._resets = Responder(
             worker.bus, keys.reset(worker.run, worker.slot), self._on_reset, worker.counters
         )
@@ -76,6 +84,25 @@ class RobotService:
                 continue
             self._worker.waiting.done()
             self._play(reset)
+
+    def _play(self, reset: Reset) -> None:
+        """Plays an episode; one that the robot cannot play is told to the learner, and the robot goes on."""
+        try:
+            self._drive(reset)
+        except RobotFault as fault:
+            self._fail(reset, str(fault))
+        except Exception as error:
+            log.exception("episode (%d, %d) cannot be played", reset.iteration, reset.episode)
+            self._fail(reset, f"{type(error).__name__}: {error}")
+
+    def _fail(self, reset: Reset, what: str) -> None:
+        at = f" at step {self._step}" if self._step else ""
+        self._worker.waiting.set(f"the learner to hear of a fault: {what}")
+        self._faults.tell(
+            reset.iteration, reset.episode, f"{self._task.name}: {what}{at} (seed {reset.seed})"
+        )
+        with self._lock:
+            self._current, self._repeat = None, False  # asked for again, it is begun again
 
     def close(self) -> None:
         """Stops showing what the robot's camera sees."""
@@ -104,10 +131,12 @@ class RobotService:
     def _ends_now(self) -> bool:
         return self._pending is not None or self._worker.stop.is_set()
 
-    def _play(self, reset: Reset) -> None:
+    def _drive(self, reset: Reset) -> None:
         robot, hold = self._robot, self._task.hold_action
         realtime = self._config.pacing == "realtime"
-        pixels = robot.reset(reset.seed).tobytes()
+        self._step = 0
+        frame = robot.reset(reset.seed)
+        pixels, blind = frame.tobytes(), is_flat(frame)
         self._in_flight.clear()
         self._seen.extend([pixels] * self._task.frames_stacked)
         kind, step, applied, loop_ns, misses = FrameKind.FIRST, 0, NO_ACTION, 0, 0
@@ -115,11 +144,18 @@ class RobotService:
         while True:
             header = FrameHeader(
                 kind, reset.iteration, reset.episode, step, reset.reset_id, time.monotonic_ns(),
-                applied, loop_ns, misses, self._task.frame_channels, reward,
+                applied, loop_ns, misses, self._task.frame_channels, reward, robot.success,
             )  # fmt: skip
             if kind.ends_episode:
+                if blind:
+                    self._worker.counters.refuse(
+                        "episodes_without_a_picture",
+                        f"every frame of episode ({reset.iteration}, {reset.episode}) has one colour only: "
+                        "the camera shows nothing",
+                    )
                 self._repeat_until_reset(header, pixels)
                 return
+            self._step = step + 1
             step_robot = self._tick if realtime else self._await_action
             answer = step_robot(header, pixels)
             if self._ends_now():
@@ -127,7 +163,8 @@ class RobotService:
             applied = hold if answer is None else answer.action
             misses += answer is None
             loop_ns = 0 if answer is None else answer.camera_to_action_ns
-            pixels = robot.frame().tobytes()
+            frame = robot.frame()
+            pixels, blind = frame.tobytes(), blind and is_flat(frame)
             self._seen.append(pixels)
             if self._task.rewards == "robot":
                 reward = robot.reward()

@@ -9,17 +9,19 @@ import hashlib
 import struct
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Self
+from typing import Any, Self
 from uuid import UUID
 
 import numpy as np
 import numpy.typing as npt
 
-from bpn_shared.bnn.spec import NetworkSpec
+from bpn_shared.bnn.spec import Layer, NetworkSpec
 from bpn_shared.errors import InputError
 
 Signs = npt.NDArray[np.int8]
 Thresholds = npt.NDArray[np.int32]
+Parameters = dict[str, npt.NDArray[Any]]
+"""Of a policy, by name."""
 
 MAGIC = b"BPNW"
 SCHEMA = 1
@@ -87,6 +89,22 @@ class WeightBlob:
         )
         return cls(spec, weights, thresholds, scale=float(np.float32(rng.uniform(0.05, 0.5))))
 
+    def parameters(self) -> Parameters:
+        """Every weight and threshold by name, as what is read back from a kernel's memory is compared with.
+
+        Of the thresholds that decide alike for every sum o that can occur, the one that stands for all.
+        """
+        layers = self.spec.layers
+        weights = {
+            f"weights of {layer.name}": signs
+            for layer, signs in zip(layers, self.weights, strict=True)
+        }
+        thresholds = {
+            f"thresholds of {layer.name}": canonical_thresholds(layer, tau)
+            for layer, tau in zip(layers[:-1], self.thresholds, strict=True)
+        }
+        return weights | thresholds
+
     def content_sha256(self) -> str:
         """SHA-256 (hex) of what the policy computes: geometry, signs, thresholds, lambda.
 
@@ -141,6 +159,18 @@ class WeightBlob:
         bits = (np.packbits(signs > 0, bitorder="little").tobytes() for signs in self.weights)
         taus = (tau.astype("<i4").tobytes() for tau in self.thresholds)
         return b"".join((*bits, *taus))
+
+
+def canonical_thresholds(layer: Layer, tau: Thresholds) -> Thresholds:
+    """int32[out]: each the largest that decides as tau does for every sum that the layer can have.
+
+    Sums of pixels are any integer in -max..max, sums of n signs are n, n-2, ... -n.
+    """
+    wide, most = tau.astype(np.int64), layer.max_output
+    if layer.max_input == 1:
+        wide = layer.fan_in - 2 * ((layer.fan_in - wide) // 2)
+        return np.clip(wide, -most, most + 2).astype(np.int32)
+    return np.clip(wide, -most, most + 1).astype(np.int32)
 
 
 def encoded_size(spec: NetworkSpec) -> int:

@@ -16,6 +16,7 @@ MAX_CHANNELS = 16
 MAX_NODES = 1024
 MAX_ACTIONS = 64
 MAX_PIXEL = 255
+LAYERS = ("conv1", "conv2", "conv3", "fc1", "fc2")
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,11 +89,11 @@ class NetworkSpec:
     @cached_property
     def layers(self) -> tuple[Layer, ...]:
         """The five layers, from the pixels to o_5."""
-        conv1 = Layer("conv1", IMAGE_SIZE_PX, self.channels, 8, 4, 8, MAX_PIXEL)
-        conv2 = Layer("conv2", conv1.out_size, conv1.out_channels, 4, 2, 16, 1)
-        conv3 = Layer("conv3", conv2.out_size, conv2.out_channels, 3, 1, 16, 1)
-        fc1 = Layer("fc1", conv3.out_size, conv3.out_channels, conv3.out_size, 1, self.nodes, 1)
-        fc2 = Layer("fc2", fc1.out_size, fc1.out_channels, 1, 1, self.actions, 1)
+        conv1 = Layer(LAYERS[0], IMAGE_SIZE_PX, self.channels, 8, 4, 8, MAX_PIXEL)
+        conv2 = Layer(LAYERS[1], conv1.out_size, conv1.out_channels, 4, 2, 16, 1)
+        conv3 = Layer(LAYERS[2], conv2.out_size, conv2.out_channels, 3, 1, 16, 1)
+        fc1 = Layer(LAYERS[3], conv3.out_size, conv3.out_channels, conv3.out_size, 1, self.nodes, 1)
+        fc2 = Layer(LAYERS[4], fc1.out_size, fc1.out_channels, 1, 1, self.actions, 1)
         return conv1, conv2, conv3, fc1, fc2
 
     @property
@@ -101,9 +102,10 @@ class NetworkSpec:
         return self.channels, IMAGE_SIZE_PX, IMAGE_SIZE_PX
 
     def probe(self) -> npt.NDArray[np.uint8]:
-        """The observation, uint8[C, 84, 84], on which loaded weights are verified.
+        """The observation, uint8[C, 84, 84], on which a kernel's arithmetic is tried.
 
-        Any fixed picture serves: a wrong bit anywhere upstream of the outputs would have to cancel out.
+        It tests the arithmetic alone: thresholds swallow most wrong weight bits, so that the outputs of one
+        picture, or of many, do not show them. The parameters are read back for that (`Kernel.read_back`).
         """
         return np.random.default_rng(0).integers(0, 256, self.observation_shape, dtype=np.uint8)
 

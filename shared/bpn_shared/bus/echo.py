@@ -12,7 +12,7 @@ from collections.abc import Callable
 import zenoh
 
 from bpn_shared.bus.requests import Responder, request
-from bpn_shared.bus.session import DEFAULT_ENDPOINT, Bus
+from bpn_shared.bus.session import DEFAULT_ENDPOINT, Bus, prepare_process
 from bpn_shared.service import Counters, end_with_supervisor, set_up_logging, stop_on_signals
 
 PING, PONG, REQUEST = "bpn/echo/ping", "bpn/echo/pong", "bpn/echo/request"
@@ -43,8 +43,10 @@ class Echo:
         self._responder = Responder(bus, REQUEST, lambda _body: answer, Counters())
 
 
-def request_times_us(bus: Bus, request_bytes: int, count: int) -> list[float]:
-    """Times `count` requests of `request_bytes`, one after the other, microseconds each.
+def request_times_us(
+    bus: Bus, request_bytes: int, count: int, between: Callable[[], None] = lambda: None
+) -> list[float]:
+    """Times `count` requests of `request_bytes`, microseconds each, with a call of `between` before each.
 
     Raises:
         NoReplyError: no echo answers.
@@ -52,6 +54,7 @@ def request_times_us(bus: Bus, request_bytes: int, count: int) -> list[float]:
     payload = bytes(request_bytes)
     times_us = []
     for _ in range(count):
+        between()
         start_ns = time.perf_counter_ns()
         request(bus, REQUEST, payload, timeout_s=5.0)
         times_us.append((time.perf_counter_ns() - start_ns) / 1e3)
@@ -104,6 +107,7 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument("--answer-bytes", type=int, default=32)
     options = parser.parse_args(argv)
     set_up_logging("echo")
+    prepare_process()
     stop = stop_on_signals()
     end_with_supervisor()
     with Bus(options.connect, stop=stop) as bus:

@@ -14,7 +14,14 @@ from bpn_shared.bnn.blob import BlobError
 from bpn_shared.bnn.spec import NetworkSpec
 from bpn_shared.bus.session import Bus
 from bpn_shared.service import Counters
-from bpn_shared.weights import Weights, decode_weights, max_weights_bytes, network_kind
+from bpn_shared.weights import (
+    Rank,
+    Weights,
+    decode_weights,
+    max_weights_bytes,
+    network_kind,
+    rank_of,
+)
 
 log = logging.getLogger(__name__)
 
@@ -55,15 +62,17 @@ class WeightsPublisher:
 
 
 class WeightsSubscriber:
-    """Hands on every policy that is newer than all before it.
+    """Hands on every policy that is newer than what its taker holds.
 
     Subscribes first and asks for the newest afterwards, so nothing falls between; asks again whenever a
-    learner appears and whenever `refresh` is called.
+    learner appears and whenever `refresh` is called. It keeps no note of its own of what it handed on: a policy
+    that was not taken, or that was lost since, is handed on again.
 
     Args:
         spec: geometry that the policies must have.
-        on_newer: called with each accepted policy, on a network thread: it must be quick.
+        on_newer: called with each such policy, on a network thread: it must be quick.
         counters: `weights_refused` is counted here.
+        held: the rank of the newest policy that `on_newer` took and that is still there.
         kind: of network that they must be for.
     """
 
@@ -72,16 +81,17 @@ class WeightsSubscriber:
         bus: Bus,
         run: UUID,
         spec: NetworkSpec,
-        on_newer: Callable[[Weights], None],
+        on_newer: Callable[[Weights], object],
         counters: Counters,
         *,
+        held: Callable[[], Rank],
         kind: NetworkKind,
     ) -> None:
         self._bus, self._run, self._spec, self._kind = bus, run, spec, kind
         self._on_newer = on_newer
         self._counters = counters
         self._lock = threading.Lock()
-        self._highest = (-1, -1)
+        self._held = held
         self._received = bus.traffic.received(keys.weights(run))
         self._subscriber = bus.zenoh.declare_subscriber(keys.weights(run), self._receive)
         self._learners = bus.zenoh.liveliness().declare_subscriber(
@@ -109,17 +119,15 @@ class WeightsSubscriber:
         try:
             with self._lock:
                 rank = _decode_rank(header)
-                if rank <= self._highest:
+                if rank <= self._held():
                     return
                 data = sample.payload.to_bytes()
                 self._received.add(len(data))
-                weights = self._decode(data, rank)
-                self._highest = rank
-                self._on_newer(weights)
+                self._on_newer(self._decode(data, rank))
         except BlobError as error:
             self._counters.refuse("weights_refused", f"weights refused: {error}")
 
-    def _decode(self, data: bytes, rank: tuple[int, int]) -> Weights:
+    def _decode(self, data: bytes, rank: Rank) -> Weights:
         limit = max_weights_bytes(self._kind, self._spec)
         if len(data) > limit:
             raise BlobError(
@@ -132,12 +140,12 @@ class WeightsSubscriber:
             raise BlobError(f"geometry {weights.spec}, this edge runs {self._spec}")
         if weights.run != self._run:
             raise BlobError(f"belongs to run {weights.run}, this edge serves {self._run}")
-        if (weights.attempt, weights.version) != rank:
+        if rank_of(weights) != rank:
             raise BlobError(f"header says (attempt, version) {rank}, the policy says otherwise")
         return weights
 
 
-def _decode_rank(header: bytes) -> tuple[int, int]:
+def _decode_rank(header: bytes) -> Rank:
     if len(header) != _HEADER.size:
         raise BlobError(f"header of {len(header)} bytes, expected {_HEADER.size}")
     schema, attempt, version = _HEADER.unpack(header)

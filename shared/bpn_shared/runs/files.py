@@ -3,10 +3,13 @@
 import contextlib
 import os
 import secrets
-from collections.abc import Callable
+import shutil
+from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
+from typing import BinaryIO
 
-from bpn_shared.runs.opening import open_folder, read_file
+from bpn_shared.runs.opening import ForeignFileError, open_file, open_folder
 
 Prove = Callable[[], None]
 """Called last before a write takes place; what it raises keeps it from that."""
@@ -32,13 +35,18 @@ def write_atomically(
         ForeignFileError: there is a link, or no directory, between `root` and the file.
         OSError: it cannot be written; nothing of it is left.
     """
-    root = root or path.parent
+    _replace(path, lambda file: file.write(data), mode, root or path.parent, prove)
+
+
+def _replace(
+    path: Path, write: Callable[[BinaryIO], object], mode: int, root: Path, prove: Prove
+) -> None:
     temporary = f".{path.name}.{secrets.token_hex(6)}.new"
     flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC
-    with open_folder(root, path.parent.relative_to(root)) as folder:
+    with naming(path), open_folder(root, path.parent.relative_to(root)) as folder:
         try:
             with os.fdopen(os.open(temporary, flags, mode, dir_fd=folder), "wb") as file:
-                file.write(data)
+                write(file)
                 file.flush()
                 os.fsync(file.fileno())
             prove()
@@ -63,7 +71,7 @@ def append_line(path: Path, line: bytes, *, root: Path | None = None, prove: Pro
     """
     root = root or path.parent
     flags = os.O_RDWR | os.O_CREAT | os.O_APPEND | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC
-    with open_folder(root, path.parent.relative_to(root)) as folder:
+    with naming(path), open_folder(root, path.parent.relative_to(root)) as folder:
         descriptor = os.open(path.name, flags, 0o666, dir_fd=folder)
         try:
             size = os.fstat(descriptor).st_size
@@ -83,6 +91,17 @@ def append_line(path: Path, line: bytes, *, root: Path | None = None, prove: Pro
             os.fsync(folder)
 
 
+@contextlib.contextmanager
+def naming(path: Path) -> Iterator[None]:
+    """Errors of the system name this path: a full disk names none, an unfinished file another."""
+    try:
+        yield
+    except OSError as error:
+        if error.errno is None or isinstance(error, ForeignFileError):
+            raise
+        raise type(error)(error.errno, error.strerror, str(path)) from error
+
+
 def remove_unfinished(folder: Path, names: str) -> None:
     """Takes from under writers what they have not put in its place yet: they then cannot any more.
 
@@ -95,5 +114,9 @@ def remove_unfinished(folder: Path, names: str) -> None:
 
 def shut_out_appenders(path: Path, root: Path) -> None:
     """Puts a copy in the place of a file: what others who have it open append to it is lost."""
-    with contextlib.suppress(FileNotFoundError):
-        write_atomically(path, read_file(root, path.relative_to(root)), root=root)
+    try:
+        opened = open_file(root, path.relative_to(root))
+    except FileNotFoundError:
+        return
+    with opened as source:
+        _replace(path, partial(shutil.copyfileobj, source), 0o666, root, free)

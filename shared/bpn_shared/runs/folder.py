@@ -14,6 +14,7 @@ digest that is checked when it is read (docs/run-folder.md).
 """
 
 import contextlib
+import errno
 import re
 import time
 from collections.abc import Iterator, Mapping, Sequence
@@ -33,7 +34,7 @@ from bpn_shared.runs.digests import seal_line
 from bpn_shared.runs.files import Prove, append_line, free, write_atomically
 from bpn_shared.runs.lines import RecordFile
 from bpn_shared.runs.lock import OwnershipLostError, RunOwnedError, is_locked, locked
-from bpn_shared.runs.opening import file_names, open_file, read_file
+from bpn_shared.runs.opening import file_names, folder_names, open_file, read_file
 from bpn_shared.runs.ownership import Ownership
 from bpn_shared.runs.state import STATES, RunState, State, decode_state, encode_state
 from bpn_shared.weights import Weights, decode_weights
@@ -86,7 +87,9 @@ class RunFolder:
         Raises:
             ConfigError: no such run, or several.
         """
-        names = [folder.path.name for folder in run_folders(runs_dir)]
+        # One that has lost its state is found too: it can go on.
+        folders = [cls(runs_dir / name) for name in folder_names(runs_dir) if is_run_id(name)]
+        names = [folder.path.name for folder in folders if folder.has("config.json")]
         matches = [name for name in names if name.startswith(run) or name.endswith(run)]
         if not matches:
             there = f"the newest are: {_listed(names)}" if names else "there are none"
@@ -226,7 +229,18 @@ class RunFolder:
             found = self.state()
             if found.state in ("finished", "failed", state):
                 return found
-            return self.set_state(state, error=error)
+            try:
+                return self.set_state(state, error=error)
+            except OSError as full:
+                if full.errno not in (errno.ENOSPC, errno.EDQUOT):
+                    raise
+            # The old file's room may be all there is; should even that not do, the run is "lost", not "running".
+            (self.path / "state.json").unlink(missing_ok=True)
+            new = found.model_copy(
+                update={"state": state, "error": error, "updated_unix_s": time.time(), "owner": ""}
+            )
+            self.write("state.json", encode_state(new))
+            return new
 
     def write_state(
         self, state: State, *, error: str = "", attempt: int, owner: str = "", prove: Prove = free
@@ -352,9 +366,9 @@ def _listed(names: Sequence[str]) -> str:
 
 def run_folders(runs_dir: Path) -> Iterator[RunFolder]:
     """The complete run folders in a directory, oldest first: their names sort by time."""
-    for path in sorted(runs_dir.iterdir()) if runs_dir.is_dir() else ():
-        folder = RunFolder(path)
-        if not path.is_symlink() and folder.is_complete():
+    for name in folder_names(runs_dir):
+        folder = RunFolder(runs_dir / name)
+        if folder.is_complete():
             yield folder
 
 

@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bpn_dashboard.series.downsample import Buckets, bucket_width, bucketize
+from bpn_dashboard.series.downsample import NO_BUCKETS, Buckets, bucket_width, bucketize
 
 values = st.floats(-1e9, 1e9, width=32)
 steps = st.lists(st.integers(0, 100_000), min_size=1, max_size=300, unique=True).map(sorted)
@@ -74,3 +74,25 @@ def test_what_is_not_a_number_is_left_out() -> None:
     buckets = bucketize(np.arange(4.0), np.array([np.nan, 1.0, np.nan, np.nan]), 2)
     assert buckets.x.tolist() == [0.0]
     assert buckets.n.tolist() == [1.0]
+
+
+@given(st.floats(0, 1e9), st.integers(1, 4000))
+def test_a_single_point_has_a_bucket_of_width_one(x: float, max_buckets: int) -> None:
+    assert bucket_width(x, x, max_buckets) == 1.0
+
+
+@given(widths)
+def test_nothing_merges_and_joins_to_nothing(width: float) -> None:
+    empty = bucketize(np.empty(0), np.empty(0), width)
+    for nothing in (NO_BUCKETS.merge(width), empty, Buckets.joined([NO_BUCKETS, empty])):
+        assert len(nothing.x) == len(nothing.last) == 0
+    assert NO_BUCKETS.between(0, 1).to_bytes() == b""
+
+
+@given(series(), st.floats(0, 1e5), st.floats(0, 1e5))
+def test_a_range_has_the_buckets_that_begin_in_it(points, low: float, span: float) -> None:
+    buckets = bucketize(*points, 64)
+    found = buckets.between(low, low + span)
+    kept = (buckets.x >= low) & (buckets.x <= low + span)
+    for name in ("x", "n", "min", "max", "sum", "last"):
+        np.testing.assert_array_equal(getattr(found, name), getattr(buckets, name)[kept])

@@ -3,12 +3,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
+from bpn_edge.kernel.native import NativeKernel
 from bpn_edge.memory import WeightMemory
 from bpn_shared.bnn import golden
 from bpn_shared.bnn.blob import WeightBlob
 from bpn_shared.bnn.spec import NetworkSpec
 from bpn_shared.service import Counters
+from bpn_shared.weights import NO_RANK
 
 SPEC = NetworkSpec(1, 40, 14)
 RNG = np.random.default_rng(1)
@@ -95,3 +99,87 @@ def test_a_bank_that_computes_wrongly_is_not_used(
     assert not memory.activate(1, timeout_s=0)
     assert memory._counters.snapshot() == {"weights_failed_verification": 1}
     expect_version(memory, 0)
+
+
+def test_a_bad_offer_takes_the_waiting_one_with_it(
+    memory: WeightMemory, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It was loaded over it: what the bank holds then must not run under the other one's name."""
+    memory.offer(BLOBS[0])
+    memory.activate(0, timeout_s=0)
+    memory.offer(BLOBS[1])
+    assert memory.rank == (1, 1)
+    load = type(memory._idle).load
+    with monkeypatch.context() as once:
+        once.setattr(type(memory._idle), "load", lambda bank, _blob: load(bank, BLOBS[0]))
+        assert not memory.offer(BLOBS[2])
+    assert memory.rank == (1, 0)  # so that version 1 is taken when it is offered again
+    assert not memory.activate(1, timeout_s=0)
+    expect_version(memory, 0)
+    assert memory.offer(BLOBS[1])
+    assert memory.activate(1, timeout_s=0)
+    expect_version(memory, 1)
+
+
+@given(st.lists(st.tuples(st.integers(1, 3), st.integers(0, 2), st.booleans()), max_size=8))
+@settings(max_examples=60)
+def test_what_runs_is_always_a_policy_that_passed(offers: list[tuple[int, int, bool]]) -> None:
+    memory = WeightMemory("golden", Counters())
+    bad = WeightBlob.random(SPEC, np.random.default_rng(99))
+    load = type(memory._idle).load
+    for attempt, version, passes in offers:
+        blob = replace(BLOBS[version], attempt=attempt)
+        with pytest.MonkeyPatch.context() as patch:
+            if not passes:
+                patch.setattr(type(memory._idle), "load", lambda bank, _blob: load(bank, bad))
+            assert memory.offer(blob) == passes
+        assert (memory.rank == (attempt, version)) or not passes
+        for wanted in range(3):
+            if memory.activate(wanted, timeout_s=0, attempt=attempt):
+                assert memory.weights is not None
+                assert memory.weights.attempt >= attempt
+                expect_version(memory, wanted)
+
+
+def test_an_episode_wants_weights_of_its_own_attempt_or_a_later_one(memory: WeightMemory) -> None:
+    memory.offer(BLOBS[1])
+    assert memory.activate(1, timeout_s=0, attempt=1)
+    assert not memory.activate(1, timeout_s=0, attempt=2)
+    memory.offer(replace(BLOBS[1], attempt=3))
+    assert memory.activate(1, timeout_s=0, attempt=2)
+    assert memory.weights is not None
+    assert memory.weights.attempt == 3
+
+
+def test_a_flipped_bit_of_the_running_bank_is_noticed_at_the_next_activation(
+    memory: WeightMemory,
+) -> None:
+    memory.offer(BLOBS[0])
+    assert memory.activate(0, timeout_s=0)
+    assert isinstance(memory._active, NativeKernel)
+    memory._active.network.memory()[4000] ^= 8
+    assert not memory.activate(0, timeout_s=0)
+    assert memory._counters.snapshot() == {"weights_damaged": 1}
+    assert (memory.rank, memory.newest) == (NO_RANK, None)
+    assert memory.offer(BLOBS[0])
+    assert memory.activate(0, timeout_s=0)
+    expect_version(memory, 0)
+
+
+def test_the_same_failure_three_times_is_hopeless_and_forgotten_when_it_passes(
+    memory: WeightMemory, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def broken(_bank: object, _blob: WeightBlob) -> None:
+        raise OSError("Input/output error")  # a device's
+
+    with monkeypatch.context() as failing:
+        failing.setattr(type(memory._idle), "load", broken)
+        for times in range(3):
+            assert (memory.why_never(1) is None) == (times < 3)
+            assert not memory.offer(BLOBS[1])
+        assert memory.why_never(1) == (
+            "weights version 1 failed the verification 3 times: Input/output error"
+        )
+        assert memory.why_never(0) is None
+    assert memory.offer(BLOBS[1])
+    assert memory.why_never(1) is None

@@ -38,12 +38,6 @@ def test_runs_of_one_seed_are_one_sample() -> None:
     assert statistics.count(runs[:2]) == "2"
 
 
-def test_a_spread_is_the_samples_and_one_value_has_none() -> None:
-    assert statistics.plus_minus(np.array([1.0, 3.0])) == "2.0 ± 1.4"
-    assert statistics.plus_minus(np.array([35.0, 49.0]), "{:.0f}", " %") == "42 ± 10 %"
-    assert statistics.plus_minus(np.array([10.5])) == "10.5 ± -"
-
-
 def test_a_shortfall_is_in_percent_of_the_better_return_whose_sign_does_not_matter() -> None:
     assert statistics.shortfall_percent(-115.0, -100.0) == pytest.approx(15.0)
     assert statistics.shortfall_percent(-90.0, -100.0) == pytest.approx(-10.0)

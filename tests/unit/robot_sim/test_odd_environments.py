@@ -15,11 +15,11 @@ from bpn_robot_sim.pictures import (
     ObservedPictures,
     PictureError,
     as_frame,
-    is_flat,
     rendered,
     why_blind,
 )
 from bpn_robot_sim.probe import probe_environment
+from bpn_robot_sim.rendering import is_flat
 from bpn_robot_sim.robot import RobotFault, robot_for
 from bpn_shared.config import ConfigError, RunConfig
 from bpn_shared.messages.probe import ProbeRequest

@@ -48,6 +48,31 @@ def test_decode_returns_what_was_encoded(blob: WeightBlob) -> None:
         np.testing.assert_array_equal(ours, theirs)
 
 
+@given(specs, st.integers(0, 2**32))
+def test_thresholds_at_and_beyond_every_limit_survive(spec: NetworkSpec, seed: int) -> None:
+    blob, rng = WeightBlob.random(spec, np.random.default_rng(0)), np.random.default_rng(seed)
+    int32 = np.iinfo(np.int32)
+    thresholds = []
+    for layer in spec.layers[:-1]:
+        most = layer.max_output
+        ends = [
+            int32.min,
+            -most - 1,
+            -most,
+            -32769,
+            -32768,
+            32767,
+            32768,
+            most,
+            most + 1,
+            int32.max,
+        ]
+        thresholds.append(rng.choice(np.array(ends, np.int32), layer.out_channels))
+    decoded = WeightBlob.decode(replace(blob, thresholds=tuple(thresholds)).encode())
+    for ours, theirs in zip(thresholds, decoded.thresholds, strict=True):
+        np.testing.assert_array_equal(ours, theirs)
+
+
 @given(blobs)
 def test_size_is_known_before(blob: WeightBlob) -> None:
     assert len(blob.encode()) == encoded_size(blob.spec)
@@ -114,3 +139,19 @@ def test_content_digest_ignores_provenance_and_nothing_else(blob: WeightBlob, ru
     raised = (*blob.thresholds[:-1], blob.thresholds[-1] + np.int32(1))
     assert replace(blob, thresholds=raised).content_sha256() != blob.content_sha256()
     assert replace(blob, scale=blob.scale * 2).content_sha256() != blob.content_sha256()
+
+
+@pytest.mark.parametrize(
+    ("name", "low", "high"), [("channels", 1, 16), ("nodes", 1, 1024), ("actions", 2, 64)]
+)
+def test_a_networks_sizes_have_exactly_these_limits(name: str, low: int, high: int) -> None:
+    sizes = {"channels": 1, "nodes": 8, "actions": 4}
+    for value in (low, high):
+        spec = NetworkSpec(**sizes | {name: value})
+        assert (
+            WeightBlob.decode(WeightBlob.random(spec, np.random.default_rng(0)).encode()).spec
+            == spec
+        )
+    for value in (low - 1, high + 1):
+        with pytest.raises(ValueError, match=f"{name} = {value} is outside {low}..{high}"):
+            NetworkSpec(**sizes | {name: value})

@@ -14,7 +14,7 @@ from websockets.sync.client import ClientConnection, connect
 
 from bpn.supervisor import Service, Supervisor
 from bpn_dashboard.hub.websocket import PATH
-from bpn_dashboard.service import ADDRESS_FILE
+from bpn_dashboard.state_lock import ADDRESS_FILE
 
 _START_S = 300.0
 _REQUEST_S = 60.0

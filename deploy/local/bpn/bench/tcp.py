@@ -4,6 +4,7 @@ import socket
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 
 _ECHO = """
 import socket, sys
@@ -19,8 +20,14 @@ with socket.create_connection(("127.0.0.1", port)) as link:
 """
 
 
-def tcp_round_trips_us(request_bytes: int, answer_bytes: int, count: int) -> list[float]:
-    """Times `count` round trips on loopback, one after the other, microseconds each."""
+def tcp_round_trips_us(
+    request_bytes: int,
+    answer_bytes: int,
+    count: int,
+    between: Callable[[], None] = lambda: None,
+) -> list[float]:
+    """Times `count` round trips on loopback, microseconds each, with a call of `between` before each."""
+    times_us: list[float] = []
     with socket.create_server(("127.0.0.1", 0)) as server:
         server.settimeout(20)
         sizes = [str(server.getsockname()[1]), str(request_bytes), str(answer_bytes)]
@@ -29,7 +36,9 @@ def tcp_round_trips_us(request_bytes: int, answer_bytes: int, count: int) -> lis
             with link:
                 link.settimeout(20)
                 link.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-                times_us = [_round_trip_us(link, request_bytes) for _ in range(count)]
+                for _ in range(count):
+                    between()
+                    times_us.append(_round_trip_us(link, request_bytes))
             echo.wait(20)
     return times_us
 

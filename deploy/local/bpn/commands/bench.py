@@ -20,6 +20,11 @@ def add_options(parser: argparse.ArgumentParser, _arguments: Sequence[str]) -> N
     parser.add_argument(
         "--quick", action="store_true", help="of dashboard: small, to see that everything works"
     )
+    parser.add_argument(
+        "--pace",
+        metavar="PACE",
+        help="of loop: hot (default), frame after frame, or own, a frame in each of the robot's control periods",
+    )
     parser.set_defaults(run=run)
 
 
@@ -30,6 +35,10 @@ def run(options: argparse.Namespace) -> int:
         given["parts"] = options.parts.split(",")
     if given and options.what != "dashboard":
         raise InputError(f"--parts and --quick are of `bpn bench dashboard`, not {options.what}")
+    if options.pace is not None:
+        if options.what != "loop":
+            raise InputError(f"--pace is of `bpn bench loop`, not {options.what}")
+        given["pace"] = options.pace
     benchmark = importlib.import_module(f"bpn.bench.{options.what}")
     result = benchmark.run(**given)
     if options.json:

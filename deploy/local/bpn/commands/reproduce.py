@@ -12,6 +12,7 @@ from typing import Any
 from rich.console import Console
 
 from bpn import optional
+from bpn.outputs import check_runs_dir
 from bpn_shared.algorithms import ALGORITHMS
 from bpn_shared.errors import InputError
 from bpn_shared.service import stop_on_signals
@@ -43,7 +44,7 @@ def add_options(parser: argparse.ArgumentParser, _arguments: Sequence[str]) -> N
     parser.add_argument(
         "--redraw",
         action="store_true",
-        help="only the plot and the page, from the results that are there",
+        help="only draw figure and table anew from the results in OUT; nothing is run",
     )
     parser.add_argument(
         "--out", type=Path, help="for the results (default docs/results; quick: RUNS_DIR/quick)"
@@ -63,10 +64,12 @@ def run(options: argparse.Namespace) -> int:
         value = getattr(options, name)
         if value is not None and value < 1:
             raise InputError(f"--{name} = {value} must be at least 1")
-    making: Any = optional.load("bpn.reproduce.making", extra="media", wanted_by="`bpn reproduce`")
     out_dir = options.out or (options.runs_dir / "quick" if options.quick else _RESULTS)
+    making: Any = optional.load("bpn.reproduce.making", extra="media", wanted_by="`bpn reproduce`")
     if options.redraw:
+        _check_redraw(options)
         return int(making.redraw(options.target, out_dir, Console()))
+    check_runs_dir(options.runs_dir)
     return int(
         making.make(
             options.target,
@@ -83,6 +86,14 @@ def run(options: argparse.Namespace) -> int:
             out=Console(),
         )
     )
+
+
+def _check_redraw(options: argparse.Namespace) -> None:
+    for name in ("seeds", "algorithms", "nodes", "iterations"):
+        if getattr(options, name) is not None:
+            raise InputError(
+                f"--redraw draws all that the results hold, so --{name} says nothing: leave it out"
+            )
 
 
 def _integers(text: str) -> list[int]:

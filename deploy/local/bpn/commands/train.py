@@ -42,7 +42,7 @@ def add_options(parser: argparse.ArgumentParser, arguments: Sequence[str]) -> No
 def run(options: argparse.Namespace) -> int:
     """Trains; exit status 130 if interrupted, with a folder that `--resume` takes."""
     dashboard = Dashboard.find(options.runs_dir)
-    folder = _folder(options, dashboard)
+    folder = folder_of(options, dashboard)
     config = folder.config()
     out = Console(file=sys.stderr if options.json else sys.stdout)
     say = partial(out.print, soft_wrap=True, highlight=False, markup=False)
@@ -72,7 +72,12 @@ def run(options: argparse.Namespace) -> int:
     return 130
 
 
-def _folder(options: argparse.Namespace, dashboard: Dashboard | None) -> RunFolder:
+def folder_of(options: argparse.Namespace, dashboard: Dashboard | None) -> RunFolder:
+    """The folder of the run that the options ask for: a new one, or the one to go on with.
+
+    Raises:
+        InputError: an option is wrong, or the machine cannot do the run.
+    """
     if options.resume is None:
         if options.task is None:
             raise InputError(f"TASK is missing; one of: {TASK_NAMES}, or --resume RUN")

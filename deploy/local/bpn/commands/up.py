@@ -68,7 +68,8 @@ def run(options: argparse.Namespace) -> int:
     finally:
         supervisor.stop()
     if supervisor.failure:
-        raise RunFailedError(f"{supervisor.failure} in {logs}\n{_last_line(supervisor, logs)}")
+        wrong_input = supervisor.failed is not None and supervisor.failed.wrong_input
+        raise (InputError if wrong_input else RunFailedError)(supervisor.failure)
     again = command("bpn", "up", "--runs-dir", options.runs_dir)
     print(f"stopped; runs that were not finished go on with: {again}", file=sys.stderr)
     return 130
@@ -127,9 +128,3 @@ def _has_first_run(runs_dir: Path) -> bool:
     except DashboardAwayError:
         return False
     return True
-
-
-def _last_line(supervisor: Supervisor, logs: Path) -> str:
-    failed = next(service for service in supervisor.services if service.failure)
-    lines = (logs / f"{failed.name}.log").read_text(errors="replace").splitlines()
-    return lines[-1] if lines else ""

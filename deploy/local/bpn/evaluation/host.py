@@ -1,6 +1,7 @@
 """Stands where a run's learner stands, and lets its robots play trials instead of training."""
 
 import threading
+from collections import Counter
 from uuid import UUID
 
 from bpn_shared import keys
@@ -8,7 +9,13 @@ from bpn_shared.bus.requests import Responder
 from bpn_shared.bus.session import Bus
 from bpn_shared.bus.weights import WeightsPublisher
 from bpn_shared.config import Policy, RunConfig
-from bpn_shared.messages.control import Assignment, EpisodeReceipt, NextEpisode
+from bpn_shared.messages.control import (
+    Assignment,
+    EpisodeReceipt,
+    Fault,
+    FaultReceipt,
+    NextEpisode,
+)
 from bpn_shared.messages.episode import Episode
 from bpn_shared.seeds import episode_seed
 from bpn_shared.service import Counters
@@ -17,6 +24,7 @@ from bpn_shared.weights import Weights
 EVALUATION = 2**31
 """Stands where training has the iteration, so that no trial is an episode of the training."""
 
+_TRIES = 3
 _POLICIES: dict[str, tuple[Policy, float]] = {
     "greedy": ("epsilon_greedy", 0.0),
     "random": ("epsilon_greedy", 1.0),
@@ -34,7 +42,8 @@ class TrialHost:
         policy: "greedy", "softmax" or "random".
 
     Attributes:
-        over: set when all trials are played.
+        over: set when all trials are played, or one cannot be.
+        failure: why one cannot be; "" otherwise.
     """
 
     def __init__(
@@ -45,7 +54,8 @@ class TrialHost:
         self._lock = threading.Lock()
         self._episodes: dict[int, Episode] = {}
         self._held: dict[int, int] = {}  # slot: the trial that it plays
-        self.over = threading.Event()
+        self._told: Counter[tuple[int, str]] = Counter()
+        self.over, self.failure = threading.Event(), ""
         counters = Counters()
         self._weights = WeightsPublisher(bus, run)
         self._weights.publish(weights)
@@ -53,6 +63,7 @@ class TrialHost:
             Responder(bus, keys.config(run), self._tell_config, counters),
             Responder(bus, keys.next_episode(run), self._hand_out, counters),
             Responder(bus, keys.episode(run), self._receive, counters),
+            Responder(bus, keys.fault(run), self._hear, counters),
         ]
 
     @property
@@ -98,6 +109,17 @@ class TrialHost:
             return held  # a slot that asks has nothing in hand: its edge was restarted
         taken = self._episodes.keys() | self._held.values()
         return next((trial for trial in range(self._count) if trial not in taken), None)
+
+    def _hear(self, body: bytes) -> bytes:
+        """A fault of an edge or a robot; the same one three times will be there the fourth time too."""
+        fault = Fault.decode(body)
+        with self._lock:
+            told = fault.episode, fault.reason
+            self._told[told] += 1
+            if self._told[told] == _TRIES and fault.episode not in self._episodes:
+                self.failure = f"trial {fault.episode} cannot be played: {fault.reason}"
+                self.over.set()
+        return FaultReceipt().encode()
 
     def _receive(self, body: bytes) -> bytes:
         episode = Episode.decode(body, self._config.task_spec)

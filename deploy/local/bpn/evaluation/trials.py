@@ -112,4 +112,6 @@ def _wait(
             on_progress(told)
         if time.monotonic() > deadline_s:
             raise TrialsFailedError(f"no trial ended within {patience_s:.0f} s")
+    if host.failure:
+        raise TrialsFailedError(host.failure)
     on_progress(host.played)

@@ -8,9 +8,10 @@ from matplotlib.figure import Figure
 from bpn.evaluation.outcome import outcome, summarize
 from bpn.evaluation.trials import PlayedPolicy, Trials
 from bpn.plotting import OVER_SEEDS, band, entitle, new_figure, reference
+from bpn.reproduce.caption import caption
 from bpn.reproduce.definition import Context, Document, Scope, Target
 from bpn.reproduce.markdown import table as markdown_table
-from bpn.reproduce.statistics import LAST, curves, plus_minus
+from bpn.reproduce.statistics import LAST, curves
 from bpn_shared.config import RunConfig
 from bpn_shared.runs.folder import RunFolder
 
@@ -58,10 +59,16 @@ def draw(document: Document) -> Figure:
     band(axes, curves(document["runs"], "returns"), label="BPN", index=0, style="-")
     random = document["result"]["trials"][0]
     reference(axes, random["return"]["mean"], "random play", "--")
-    axes.set(xlabel="iteration", ylabel="return (steps that the pole stands)")
-    axes.legend(fontsize=8)
-    entitle(figure, document["title"], of=OVER_SEEDS)
+    longest = _longest(document)
+    axes.set(xlabel="iteration", ylabel=f"steps that the pole stands, of at most {longest}")
+    entitle(figure, document["title"], of=caption(document, OVER_SEEDS), legend=[axes])
     return figure
+
+
+def _longest(document: Document) -> int:
+    """Environment steps of an episode at most: each pays 1, so this is the greatest return."""
+    run = document["runs"][0]
+    return int(run["steps"] * run["frame_skip"])
 
 
 def table(document: Document) -> str:
@@ -78,14 +85,24 @@ def table(document: Document) -> str:
                 *_played(trials),
             ]
         )
-    heading = ["", f"training, last {last}", "best iteration", "greedy play", "shortest", "trials"]
-    return markdown_table(heading, rows)
+    heading = [
+        "steps that the pole stands", f"training, last {last}", "best iteration", "greedy play",
+        "shortest", "longest", "full length", "trials",
+    ]  # fmt: skip
+    actions, skip = (document["runs"][0][key] for key in ("steps", "frame_skip"))
+    return (
+        f"{markdown_table(heading, rows)}\n\nSteps are the environment's, each paying 1: at most "
+        f"{_longest(document)}, which are {actions} actions of {skip} steps each. Full length: trials "
+        "in which the pole stands to the end."
+    )
 
 
 def _played(trials: dict[str, Any]) -> list[object]:
     return [
-        plus_minus(np.array(trials["returns"])),
+        f"{trials['return']['mean']:.1f}",
         f"{min(trials['returns']):.0f}",
+        f"{max(trials['returns']):.0f}",
+        f"{sum(trials['successes'])}",
         trials["trials"],
     ]
 

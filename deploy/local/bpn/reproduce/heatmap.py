@@ -12,21 +12,19 @@ import numpy.typing as npt
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from bpn.plotting import OVER_SEEDS, entitle, new_figure
+from bpn.plotting import entitle, new_figure
+from bpn.reproduce.caption import caption
 from bpn.reproduce.definition import Context, Document, Scope, Target
+from bpn.reproduce.markdown import mean_and_range
 from bpn.reproduce.markdown import table as markdown_table
 from bpn.reproduce.statistics import LAST, at_end, count, curves, group
 from bpn_shared.config import RunConfig
-from bpn_shared.statistics import mean_std
 
 NODES = (16, 32, 100, 256)
 ALPHAS = (0.0, 0.5, 0.8, 0.95)
 _QUICK_ALPHAS = (0.0, 0.95)
 
-_PANELS = (
-    ("best_return_px", "best iteration's return (px)", "{:.0f}"),
-    ("last_return_px", f"return, last {LAST} iterations (px)", "{:.0f}"),
-)
+_FORM = "{:.0f}"
 
 
 def plan(scope: Scope) -> list[RunConfig]:
@@ -45,49 +43,53 @@ def measure(context: Context) -> dict[str, Any]:
 
 
 def cells(document: Document) -> list[dict[str, Any]]:
-    """For each N and alpha: the seeds' mean and standard deviation (None of one) of every panel's value.
+    """For each N and alpha: every panel's value of each seed.
 
     The paper's value is the best iteration's return, which hides what is lost again; beside it is what the
     run's end returned.
     """
     found = []
-    for (nodes, alpha), runs in group(document["runs"], "nodes", "alpha").items():
-        returns = curves(runs, "returns_px")
+    for (nodes, alpha), seeds in group(document["runs"], "nodes", "alpha").items():
+        returns = curves(seeds, "returns_px")
         values = {"best_return_px": returns.max(axis=1), "last_return_px": at_end(returns)}
-        spread = {
-            name: dict(zip(("mean", "std"), mean_std(of_seeds), strict=True))
-            for name, of_seeds in values.items()
-        }
-        found.append({"nodes": nodes, "alpha": alpha, "seeds": count(runs), **spread})
+        found.append({"nodes": nodes, "alpha": alpha, "seeds": count(seeds), **values})
     return sorted(found, key=lambda cell: (cell["nodes"], cell["alpha"]))
 
 
+def _panels(document: Document) -> dict[str, str]:
+    """Which values are shown, with their names."""
+    last = min(LAST, *(len(run["returns_px"]) for run in document["runs"]))
+    return {
+        "best_return_px": "best iteration's return (px)",
+        "last_return_px": f"return, last {last} iterations (px)",
+    }
+
+
 def draw(document: Document) -> Figure:
-    """One map for each value; every cell with its mean and spread."""
-    found = cells(document)
-    figure, (row,) = new_figure(1, len(_PANELS), 10.0, 4.2)
-    for axes, (name, label, form) in zip(row, _PANELS, strict=True):
-        _map(axes, found, name, form)
+    """One map for each value; every cell with its mean and range."""
+    found, panels = cells(document), _panels(document)
+    figure, (row,) = new_figure(1, len(panels), 9.0, 4.4)
+    for axes, (name, label) in zip(row, panels.items(), strict=True):
+        _map(axes, found, name)
         axes.set_title(label, fontsize=10)
-    seeds = found[0]["seeds"]
-    entitle(figure, document["title"], of=f"{OVER_SEEDS}, n = {seeds}")
+    how = "a cell: mean over seeds, in brackets from the lowest to the highest seed"
+    entitle(figure, document["title"], of=caption(document, how))
     return figure
 
 
-def _map(axes: Axes, found: list[dict[str, Any]], name: str, form: str) -> None:
+def _map(axes: Axes, found: list[dict[str, Any]], name: str) -> None:
     sizes = sorted({cell["nodes"] for cell in found})
     alphas = sorted({cell["alpha"] for cell in found})
     values: npt.NDArray[np.float64] = np.full((len(alphas), len(sizes)), np.nan)
     for cell in found:
-        values[alphas.index(cell["alpha"]), sizes.index(cell["nodes"])] = cell[name]["mean"]
+        values[alphas.index(cell["alpha"]), sizes.index(cell["nodes"])] = cell[name].mean()
     image = axes.imshow(values, cmap="cividis", origin="lower", aspect="auto")
     middle = np.mean(image.get_clim())
     for cell in found:
         x, y = sizes.index(cell["nodes"]), alphas.index(cell["alpha"])
         ink = "black" if values[y, x] > middle else "white"
-        axes.text(
-            x, y, _spread(cell[name], form, "\n"), ha="center", va="center", color=ink, fontsize=9
-        )
+        text = mean_and_range(cell[name], _FORM).replace(" (", "\n(", 1)
+        axes.text(x, y, text, ha="center", va="center", color=ink, fontsize=7)
     axes.set_xticks(range(len(sizes)), [str(size) for size in sizes])
     axes.set_yticks(range(len(alphas)), [f"{alpha:g}" for alpha in alphas])
     axes.set(xlabel="N", ylabel="alpha")
@@ -95,24 +97,20 @@ def _map(axes: Axes, found: list[dict[str, Any]], name: str, form: str) -> None:
     axes.figure.colorbar(image, ax=axes)
 
 
-def _spread(value: dict[str, Any], form: str, between: str = " ") -> str:
-    std = "-" if value["std"] is None else form.format(value["std"])
-    return f"{form.format(value['mean'])}{between}± {std}"
-
-
 def table(document: Document) -> str:
     """Every cell."""
+    panels = _panels(document)
     rows = [
         [
-            cell["nodes"], f"{cell['alpha']:g}", cell["seeds"],
-            *(
-                _spread(cell[name], form)
-                for name, _, form in _PANELS
-            ),
+            cell["nodes"],
+            f"{cell['alpha']:g}",
+            cell["seeds"],
+            *(mean_and_range(cell[name], _FORM) for name in panels),
         ]
         for cell in cells(document)
-    ]  # fmt: skip
-    return markdown_table(["N", "alpha", "seeds", *(label for _, label, _ in _PANELS)], rows)
+    ]
+    heading = ["N", "alpha", "seeds", *panels.values()]
+    return f"{markdown_table(heading, rows)}\n\nIn brackets: from the lowest to the highest seed."
 
 
 HEATMAP = Target(

@@ -1,6 +1,7 @@
 """Target `latency`: from image to action on each computer, and what latency costs a policy."""
 
 from math import prod
+from textwrap import fill
 from typing import Any
 
 import numpy as np
@@ -12,14 +13,15 @@ from bpn.evaluation.outcome import outcome, summarize
 from bpn.evaluation.trials import Trials
 from bpn.plotting import colour, entitle, new_figure
 from bpn.reproduce import computers
+from bpn.reproduce.caption import caption
 from bpn.reproduce.definition import Context, Document, Scope, Target
 from bpn.reproduce.far import CONFIG
+from bpn.reproduce.markdown import mean_and_range
 from bpn.reproduce.markdown import table as markdown_table
-from bpn.reproduce.statistics import count, group, of_seeds, plus_minus
+from bpn.reproduce.statistics import count, group, of_seeds
 from bpn.summary import percentiles
 from bpn_shared.config import RunConfig
 from bpn_shared.runs.folder import RunFolder
-from bpn_shared.statistics import mean_std
 
 DELAYS_MS = (0, 4, 21, 38, 100, 1003)
 """Those of the paper's Tables III and IV: edge FPGA, edge CPU, server, and a float network on the FPGA."""
@@ -29,6 +31,7 @@ PAPER_MS = {
     computers.SERVER: ("34", "2", "2", "38"),
 }
 """Table IV: send, compute, receive, total."""
+RUNNING = "edge in the running system, over the bus"
 LINKS_MBIT_PER_S = (10, 100, 1000)
 
 _IMAGES, _QUICK_IMAGES = 100, 5
@@ -87,49 +90,47 @@ def _play(
 
 
 def draw(document: Document) -> Figure:
-    """The computers' times beside the paper's, and the share of kept targets over the added delay."""
-    figure, ((left, right),) = new_figure(1, 2, 13.0, 4.2)
-    _computers(left, document)
-    _delays(right, document)
-    entitle(
-        figure, document["title"], of="left: medians; right: mean ± standard deviation over seeds"
-    )
+    """The computers' times beside the paper's; below, the share of kept targets for every added delay."""
+    figure, ((above,), (below,)) = new_figure(2, 1, 7.4, 7.0)
+    _computers(above, document["result"])
+    _delays(below, document["result"]["trials"])
+    how = "above: p50; below: mean over seeds, and each seed"
+    entitle(figure, document["title"], of=caption(document, how), legend=(above, below))
     return figure
 
 
-def _computers(axes: Axes, document: Document) -> None:
-    times = {
-        name: parts["total_us"]["p50"] / 1e3
-        for name, parts in document["result"]["computers"].items()
-    }
+def _computers(axes: Axes, result: dict[str, Any]) -> None:
+    times = {name: parts["total_us"]["p50"] / 1e3 for name, parts in result["computers"].items()}
+    if result["camera_to_action_us"]["p50"] is not None:
+        times[RUNNING] = result["camera_to_action_us"]["p50"] / 1e3
+    slowest_ms = max(times.values())
     for row, (name, time_ms) in enumerate(reversed(times.items())):
-        axes.barh(row, time_ms, color=colour(0), height=0.5)
+        axes.plot(time_ms, row, "o", color=colour(0), label="this machine, without a network")
         axes.text(time_ms * 1.15, row, f"{time_ms:.3g} ms", va="center", fontsize=8)
         if name in PAPER_MS:
             paper_ms = float(PAPER_MS[name][-1])
-            axes.plot(paper_ms, row, "D", color=colour(1), label="paper" if row == 0 else None)
-    axes.set_yticks(range(len(times)), list(reversed(times)))
-    axes.set(xscale="log", xlabel="ms from image to action", title="one machine, no network")
-    axes.legend(fontsize=8)
+            slowest_ms = max(slowest_ms, paper_ms)
+            axes.plot(paper_ms, row, "D", color=colour(1), label="the paper's machines")
+    axes.set_yticks(range(len(times)), [fill(name, 22) for name in reversed(times)])
+    axes.set(xscale="log", xlabel="ms from image to action, one image a control period")
+    axes.set_xlim(min(times.values()) / 2, slowest_ms * 2)
 
 
-def _delays(axes: Axes, document: Document) -> None:
-    by_delay = group(document["result"]["trials"], "delay_ms")
-    delays_ms = [f"{delay_ms:g}" for (delay_ms,) in by_delay]
+def _delays(axes: Axes, trials: list[dict[str, Any]]) -> None:
+    by_delay = group(trials, "delay_ms")
     shares = [_success_shares(trials) for trials in by_delay.values()]
-    means, stds = zip(*(mean_std(of_delay) for of_delay in shares), strict=True)
-    spread = None if None in stds else stds
-    label = f"{len(shares[0])} seeds x {next(iter(by_delay.values()))[0]['trials']} trials"
-    axes.errorbar(delays_ms, means, spread, fmt="o-", color=colour(0), capsize=4, label=label)
+    trials_each = next(iter(by_delay.values()))[0]["trials"]
     for x, of_delay in enumerate(shares):
-        axes.plot([x] * len(of_delay), of_delay, ".", color=colour(1), alpha=0.6)
+        axes.plot(x, of_delay.mean(), "o", color=colour(0), markersize=9, label="mean over seeds")
+        each = f"one seed, {trials_each} trials"
+        axes.plot([x] * len(of_delay), of_delay, "_", color=colour(1), markersize=14, label=each)
+    axes.set_xticks(range(len(shares)), [f"{delay_ms:g}" for (delay_ms,) in by_delay])
     axes.set(
         xlabel="delay added between frame and action (ms)",
-        ylabel="share of trials that keep the target",
+        ylabel="share of trials\nthat keep the target",
         ylim=(-0.05, 1.05),
-        title="tracking in realtime pacing, 145 ms period",
     )
-    axes.legend(fontsize=8)
+    axes.set_title("tracking in realtime pacing, 145 ms period", fontsize=10)
 
 
 def _success_shares(trials: list[dict[str, Any]]) -> npt.NDArray[np.float64]:
@@ -138,7 +139,11 @@ def _success_shares(trials: list[dict[str, Any]]) -> npt.NDArray[np.float64]:
 
 def table(document: Document) -> str:
     """Two tables: the computers, and the delays."""
-    return f"{_computer_table(document)}\n\n{_delay_table(document)}"
+    notes = (
+        "In brackets above: the paper's machines; below: from the lowest to the highest seed. The running "
+        f"system has {_ROBOTS} robots at once, whose processes share {document['machine']['cores']} cores."
+    )
+    return f"{_computer_table(document)}\n\n{_delay_table(document)}\n\n{notes}"
 
 
 def _computer_table(document: Document) -> str:
@@ -171,7 +176,7 @@ def _computer_table(document: Document) -> str:
     loop = result["camera_to_action_us"]
     if loop["p50"] is not None:
         times = (f"{loop[key] / 1e3:.3f}" for key in ("p50", "p99"))
-        rows.append(["edge in the running system, over the bus", "", "", "", *times])
+        rows.append([RUNNING, "", "", "", *times])
     heading = ["ms, p50 (paper)", "send image", "compute", "send action", "total", "total p99"]
     return markdown_table(heading, rows)
 
@@ -182,14 +187,14 @@ def _delay_table(document: Document) -> str:
         rows.append(
             [
                 f"{delay_ms:g}", count(seeds), sum(trials["trials"] for trials in seeds),
-                plus_minus(100 * _success_shares(seeds), "{:.0f}", " %"),
+                mean_and_range(100 * _success_shares(seeds), "{:.0f}"),
                 f"{np.mean([t['length']['mean'] for t in seeds]):.1f}",
                 f"{np.mean([t['px_per_step']['mean'] for t in seeds]):.1f}",
                 f"{np.mean([t['return_px']['mean'] for t in seeds]):.1f}",
             ]
         )  # fmt: skip
     heading = [
-        "added delay (ms)", "seeds", "trials", "keep the target", "steps", "px a step", "return (px)",
+        "added delay (ms)", "seeds", "trials", "keep the target (%)", "steps", "px a step", "return (px)",
     ]  # fmt: skip
     return markdown_table(heading, rows)
 

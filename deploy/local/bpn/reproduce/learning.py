@@ -5,10 +5,13 @@ from typing import Any, cast
 
 import numpy as np
 import numpy.typing as npt
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from bpn.plotting import OVER_SEEDS, band, entitle, new_figure, reference
+from bpn.reproduce.caption import caption
 from bpn.reproduce.definition import Context, Document, Scope, Target
+from bpn.reproduce.markdown import mean_and_range
 from bpn.reproduce.markdown import table as markdown_table
 from bpn.reproduce.statistics import (
     LAST,
@@ -18,7 +21,6 @@ from bpn.reproduce.statistics import (
     full_length_shares,
     group,
     of_seeds,
-    plus_minus,
     shortfall_percent,
 )
 from bpn_robot_sim import references
@@ -83,69 +85,108 @@ def measure_tracking(context: Context) -> dict[str, Any]:
 
 
 def draw(document: Document) -> Figure:
-    """Returns over iterations, a column for each N; below them the share of full-length episodes."""
-    runs = [run | {"shares": full_length_shares(run)} for run in document["runs"]]
+    """A column for each N. Where episodes end early, their share of full length and the return of a step first.
+
+    The return of such an episode says little by itself: nothing is paid for the steps that are missing.
+    """
+    runs = [_curves_of(run) for run in document["runs"]]
     sizes = sorted({run["nodes"] for run in runs if run["algorithm"] in BINARY}) or [0]
-    ends_early = any(any(run["failures"]) for run in runs)
-    rows = [("returns_px", "return (px)")]
-    rows += [("shares", "share of full-length episodes")] if ends_early else []
-    figure, axes = new_figure(len(rows), len(sizes), 1.5 + 4.2 * len(sizes), 1.2 + 3.0 * len(rows))
+    rows = {"shares": "share of full-length episodes", "px_per_step": "return of a step (px)"}
+    rows = (rows if _ends_early(runs) else {}) | {"returns_px": "return of an episode (px)"}
+    width_in = max(5.7, 1.2 + 2.9 * len(sizes))
+    figure, axes = new_figure(len(rows), len(sizes), width_in, 1.2 + 2.6 * len(rows))
     for column, nodes in enumerate(sizes):
         shown = [run for run in runs if run["algorithm"] in FLOAT or run["nodes"] == nodes]
-        for row, (name, label) in enumerate(rows):
-            one = axes[row][column]
+        axes[0][column].set_title(f"N = {nodes}")
+        for one, name in zip((row[column] for row in axes), rows, strict=True):
             for (algorithm,), seeds in group(shown, "algorithm").items():
                 index = (*BINARY, *FLOAT).index(algorithm)
                 title, style = _TITLES[algorithm], _STYLES[algorithm]
                 band(one, curves(seeds, name), label=title, index=index, style=style)
-            one.set(xlabel="iteration", ylabel=label, title=f"N = {nodes}")
-        for line, style in zip(document["result"]["references"], ("-", "--", ":"), strict=False):
-            reference(axes[0][column], line["return_px"], line["name"], style)
-    if ends_early:
-        for one in axes[1]:
-            one.set_ylim(-0.03, 1.03)
-    entitle(figure, document["title"], of=OVER_SEEDS, legend=axes[0][0])
+            _references(one, name, document["result"]["references"])
+            if name == "shares":
+                one.set_ylim(-0.03, 1.03)
+    for row, label in zip(axes, rows.values(), strict=True):
+        row[0].set_ylabel(label)
+    for one in axes[-1]:
+        one.set_xlabel("iteration")
+    entitle(
+        figure,
+        document["title"],
+        of=caption(document, OVER_SEEDS),
+        legend=(one for row in axes for one in row),
+    )
     return figure
+
+
+def _curves_of(run: dict[str, Any]) -> dict[str, Any]:
+    """The run's record with what is drawn and not recorded."""
+    per_step = np.array(run["returns_px"]) / np.array(run["lengths"])
+    return run | {"shares": full_length_shares(run), "px_per_step": per_step.tolist()}
+
+
+def _ends_early(runs: list[dict[str, Any]]) -> bool:
+    return any(any(run["failures"]) for run in runs)
+
+
+def _references(axes: Axes, name: str, lines: list[dict[str, Any]]) -> None:
+    """What the curves of returns, of an episode or of a step, are to be compared with."""
+    for line, style in zip(lines, ("-", "--", ":"), strict=False):
+        if name == "returns_px":
+            reference(axes, line["return_px"], line["name"], style)
+        elif name == "px_per_step" and "length" in line:
+            reference(axes, line["return_px"] / line["length"], line["name"], style)
 
 
 def table(document: Document) -> str:
     """What each algorithm returned over its last iterations, beside the references."""
     groups = group(document["runs"], "algorithm", "nodes")
     best = max(
-        (_end(seeds)[0].mean() for (name, _), seeds in groups.items() if name == "cvi"),
+        (_last_returns(seeds).mean() for (name, _), seeds in groups.items() if name == "cvi"),
         default=None,
     )
+    best_iterations = not _ends_early(document["runs"])  # an early loss would be the best
     rows = []
     for (algorithm, nodes), seeds in groups.items():
-        returns, share, length = _end(seeds)
+        returns = _last_returns(seeds)
+        shares = [100 * float(np.mean(full_length_shares(run)[-LAST:])) for run in seeds]
         rows.append(
             [
-                _TITLES[algorithm], nodes, count(seeds), plus_minus(returns), f"{iqm(returns):.1f}",
-                f"{100 * share:.1f} %", f"{length:.1f}",
+                _TITLES[algorithm], nodes, count(seeds), mean_and_range(returns), f"{iqm(returns):.1f}",
+                mean_and_range(of_seeds(seeds, shares)),
+                f"{at_end(curves(seeds, 'lengths')).mean():.1f}",
                 "" if best is None else f"{shortfall_percent(returns.mean(), best):+.1f} %",
-                f"{curves(seeds, 'returns_px').mean(axis=0).max():.1f}",
+                *([f"{curves(seeds, 'returns_px').mean(axis=0).max():.1f}"] if best_iterations else []),
             ]
         )  # fmt: skip
     for line in document["result"]["references"]:
+        length = line.get("length")
         rows.append(
             [
                 line["name"], "", "", f"{line['return_px']:.1f}", "",
-                f"{100 * line['full_length_share']:.1f} %", line.get("length", ""), "", "",
+                f"{100 * line['full_length_share']:.1f}", "" if length is None else f"{length:.1f}",
+                "", *([""] if best_iterations else []),
             ]
         )  # fmt: skip
     last = min(LAST, *(len(run["returns_px"]) for run in document["runs"]))
     heading = [
-        "", "N", "seeds", f"return, last {last} (px)", "interquartile mean", "full length",
-        "steps", "worse than CVI", "best iteration (px)",
+        "", "N", "seeds", f"return, last {last} (px)", "interquartile mean", "full length (%)",
+        "steps", "worse than CVI", *(["best iteration (px)"] if best_iterations else []),
     ]  # fmt: skip
-    return markdown_table(heading, rows)
+    notes = "In brackets: from the lowest to the highest seed."
+    if document["target"] == "reaching":
+        notes += " Every episode has the same start and the same target."
+    if not best_iterations:
+        notes += (
+            " An episode that is lost early returns more, since nothing is paid for the steps that are missing. "
+            f"The optimum keeps the target, mean of {len(_STARTS)} starts; ten episodes may have easier ones."
+        )
+    return f"{markdown_table(heading, rows)}\n\n{notes}"
 
 
-def _end(runs: list[dict[str, Any]]) -> tuple[npt.NDArray[np.float64], float, float]:
-    """Of the last iterations: each seed's return, mean share of full-length episodes and mean length."""
-    shares = of_seeds(runs, [float(np.mean(full_length_shares(run)[-LAST:])) for run in runs])
-    lengths = at_end(curves(runs, "lengths"))
-    return at_end(curves(runs, "returns_px")), float(shares.mean()), float(lengths.mean())
+def _last_returns(seeds: list[dict[str, Any]]) -> npt.NDArray[np.float64]:
+    """Each seed's mean return of its last iterations."""
+    return at_end(curves(seeds, "returns_px"))
 
 
 REACHING = Target(

@@ -1,5 +1,6 @@
 """Makes a target: its runs, its measurements, its files."""
 
+import json
 import shlex
 import threading
 from collections.abc import Sequence
@@ -70,14 +71,26 @@ def make(
 
 
 def redraw(name: str, out_dir: Path, out: Console) -> int:
-    """Makes a target's plot and page anew from its document, without any run.
+    """Draws a target's figure and table anew from the results in its JSON file; measures nothing.
 
     Raises:
-        ConfigError: there is no document.
+        ConfigError: the file is not there or holds no results of this target.
     """
-    target = TARGETS[name]
-    for path in report.redraw(target, report.read(target, out_dir), out_dir):
-        out.print(f"wrote {path}", highlight=False, soft_wrap=True)
+    target, path = TARGETS[name], out_dir / f"{name}.json"
+    try:
+        made = json.loads(path.read_bytes())
+    except (OSError, ValueError) as error:
+        raise ConfigError(
+            f"--redraw needs {path}, made by `bpn reproduce {name}`: {error}"
+        ) from None
+    if not isinstance(made, dict) or made.get("target") != name:
+        raise ConfigError(f"{path} does not hold results of {name}")
+    try:
+        drawn = report.draw(target, made, out_dir)
+    except KeyError as missing:
+        raise ConfigError(f"{path} has no {missing}: another version made it") from None
+    for file in drawn:
+        out.print(f"wrote {file}", highlight=False, soft_wrap=True)
     return 0
 
 

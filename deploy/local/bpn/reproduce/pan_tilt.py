@@ -10,16 +10,11 @@ from bpn.evaluation.outcome import outcome, summarize
 from bpn.evaluation.trajectories import figure_deg, gaze_deg
 from bpn.evaluation.trials import PlayedPolicy, Trials
 from bpn.plotting import BEST, OVER_SEEDS, band, colour, entitle, new_figure
+from bpn.reproduce.caption import caption
 from bpn.reproduce.definition import Context, Document, Scope, Target
+from bpn.reproduce.markdown import mean_and_range
 from bpn.reproduce.markdown import table as markdown_table
-from bpn.reproduce.statistics import (
-    count,
-    curves,
-    full_length_shares,
-    group,
-    of_seeds,
-    plus_minus,
-)
+from bpn.reproduce.statistics import count, curves, full_length_shares, group, of_seeds
 from bpn_shared.config import RunConfig
 from bpn_shared.runs.folder import RunFolder
 
@@ -70,58 +65,59 @@ def _play(context: Context, folder: RunFolder, policy: PlayedPolicy, name: str) 
 
 
 def draw(document: Document) -> Figure:
-    """Learning curves, lengths, and the gaze along the figure-8."""
-    figure, (row,) = new_figure(1, 3, 15.0, 4.2)
+    """Learning curves, the share first; below them the gaze along the figure-8, of each algorithm."""
     runs = [run | {"shares": full_length_shares(run)} for run in document["runs"]]
-    names = list(group(runs, "algorithm"))
-    for index, (algorithm,) in enumerate(names):
-        seeds = [run for run in runs if run["algorithm"] == algorithm]
-        label = algorithm.upper()
-        band(row[0], curves(seeds, "returns_px"), label=label, index=index, style="-")
-        band(row[1], curves(seeds, "shares"), label=label, index=index, style="-")
-    row[0].set(xlabel="iteration", ylabel="return (px)", title="learning curves")
-    row[1].set(xlabel="iteration", ylabel="share of full-length episodes", ylim=(-0.03, 1.03))
-    row[0].legend(fontsize=8)
-    _gaze(row[2], document, [name for (name,) in names])
-    entitle(figure, document["title"], of=OVER_SEEDS)
+    names = [name for (name,) in group(runs, "algorithm")]
+    figure, (learning, gazes) = new_figure(2, 2, 7.4, 6.6)
+    for index, name in enumerate(names):
+        seeds = [run for run in runs if run["algorithm"] == name]
+        for axes, values in zip(learning, ("shares", "returns_px"), strict=True):
+            band(axes, curves(seeds, values), label=name.upper(), index=index, style="-")
+    learning[0].set(xlabel="iteration", ylabel="share of full-length episodes", ylim=(-0.03, 1.03))
+    learning[1].set(xlabel="iteration", ylabel="return of an episode (px)")
+    for index, (axes, name) in enumerate(zip(gazes, names, strict=False)):
+        _gaze(axes, document["result"]["trials"], name, index)
+    for unused in gazes[len(names) :]:
+        unused.remove()
+    entitle(
+        figure,
+        document["title"],
+        of=caption(document, OVER_SEEDS),
+        legend=(learning[0], *gazes[: len(names)]),
+    )
     return figure
 
 
-def _gaze(axes: Axes, document: Document, names: list[str]) -> None:
+def _gaze(axes: Axes, trials: list[dict[str, Any]], name: str, index: int) -> None:
+    """Where the camera pointed in the first trials of the algorithm's first seed."""
     axes.plot(*figure_deg().T, color=BEST, linewidth=4, alpha=0.25, label="the marker's figure-8")
-    drawn = set()
-    for trials in document["result"]["trials"]:
-        if trials["name"] not in names or trials["name"] in drawn:
-            continue
-        drawn.add(trials["name"])
-        for trial, path in enumerate(trials["gaze_deg"]):
-            label = f"{trials['name'].upper()}, seed {trials['seed']}" if trial == 0 else None
-            shade = colour(names.index(trials["name"]))
-            axes.plot(*np.array(path).T, color=shade, linewidth=1.1, label=label)
-    axes.set(xlabel="pan (degrees)", ylabel="tilt (degrees)", title="gaze of the first trials")
-    axes.legend(fontsize=8)
+    played = next(one for one in trials if one["name"] == name)
+    for path in played["gaze_deg"]:
+        axes.plot(*np.array(path).T, color=colour(index), linewidth=1.0)
+    what = f"{name.upper()}'s gaze, seed {played['seed']}, {len(played['gaze_deg'])} trials"
+    axes.set_title(what, fontsize=9)
+    axes.set(xlabel="pan (degrees)", ylabel="tilt (degrees)")
 
 
 def table(document: Document) -> str:
     """Tracking time as the paper's Table II, over all trials of all seeds."""
     rows = []
     for (name,), seeds in group(document["result"]["trials"], "name").items():
-        seconds = of_seeds(seeds, [trials["tracking_time"]["seconds"] for trials in seeds])
-        percent = np.mean([trials["tracking_time"]["percent"] for trials in seeds])
         kept = [success for trials in seeds for success in trials["successes"]]
         by_seed = ", ".join(f"{sum(t['successes'])}/{t['trials']}" for t in seeds)
         rows.append(
             [
                 name.upper(), count(seeds), len(kept),
-                f"{plus_minus(seconds)} ({percent:.0f})",
+                mean_and_range(of_seeds(seeds, [t["tracking_time"]["seconds"] for t in seeds])),
+                f"{np.mean([trials['tracking_time']['percent'] for trials in seeds]):.0f}",
                 f"{np.mean([t['length']['mean'] for t in seeds]):.1f}",
-                f"{sum(kept)}/{len(kept)} ({by_seed})",
+                f"{sum(kept)}/{len(kept)}" + (f" ({by_seed})" if len(seeds) > 1 else ""),
                 f"{np.mean([t['return_px']['mean'] for t in seeds]):.1f}",
                 sum(t["deadline_misses"] for t in seeds), PAPER_SECONDS.get(name, ""),
             ]
         )  # fmt: skip
     heading = [
-        "policy", "seeds", "trials", "seconds (percent)", "steps", "kept to the end (by seed)",
+        "policy", "seeds", "trials", "seconds", "percent", "steps", "kept to the end",
         "return (px)", "deadline misses", "paper (s)",
     ]  # fmt: skip
     return markdown_table(heading, rows)

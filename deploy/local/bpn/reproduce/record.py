@@ -12,9 +12,10 @@ def run_record(folder: RunFolder) -> dict[str, Any]:
     """The run's results, from its metrics.
 
     Returns:
-        run_id, task, algorithm, nodes, alpha, seed, steps (T) and episodes (E an iteration); per iteration
-        returns_px (of a gym: task returns, in its own unit), lengths (means over its episodes) and failures
-        (episodes that ended before T); seconds; weights_sha256 of the last policy.
+        run_id, task, algorithm, nodes, alpha, seed, steps (T), episodes (E an iteration) and frame_skip
+        (environment steps of an action, in gym: tasks); per iteration returns_px (of a gym: task returns, in its
+        own unit), lengths (means over its episodes) and failures (episodes that ended before T); seconds;
+        weights_sha256 of the last policy.
     """
     config, lines = folder.config(), folder.metrics()
     metric = config.task_spec.return_metric
@@ -27,6 +28,7 @@ def run_record(folder: RunFolder) -> dict[str, Any]:
         "seed": config.seed,
         "steps": config.steps,
         "episodes": config.episodes,
+        "frame_skip": config.frame_skip,
         metric.replace("return", "returns"): [round(line[metric], 2) for line in lines],
         "lengths": [round(line["length"], 2) for line in lines],
         "failures": [

@@ -10,9 +10,9 @@ from typing import Any
 
 from bpn.bench.machine import machine, versions
 from bpn.plotting import save
+from bpn.reproduce.caption import QUICK
 from bpn.reproduce.definition import Document, Target
 from bpn.reproduce.record import run_record
-from bpn_shared.config import ConfigError
 from bpn_shared.runs.files import write_atomically
 from bpn_shared.runs.folder import RunFolder
 
@@ -43,39 +43,23 @@ def document(
 def write(target: Target, made: Document, out: Path) -> list[Path]:
     """Writes <target>.json, .png and .md; in this order, so that a failing plot loses no numbers."""
     out.mkdir(parents=True, exist_ok=True)
-    document = out / f"{target.name}.json"
-    write_atomically(document, to_json(made).encode())
-    return [document, *redraw(target, made, out)]
+    path = out / f"{target.name}.json"
+    write_atomically(path, to_json(made).encode())
+    return [path, *draw(target, made, out)]
 
 
-def redraw(target: Target, made: Document, out: Path) -> list[Path]:
-    """Writes <target>.png and .md of a document."""
+def draw(target: Target, made: Document, out: Path) -> list[Path]:
+    """Writes <target>.png and .md."""
     paths = [out / f"{target.name}.{suffix}" for suffix in ("png", "md")]
     save(target.draw(made), paths[0])
     write_atomically(paths[1], page(target, made).encode())
     return paths
 
 
-def read(target: Target, out: Path) -> Document:
-    """The document that `write` has written.
-
-    Raises:
-        ConfigError: there is none, or it is none.
-    """
-    path = out / f"{target.name}.json"
-    try:
-        made: Document = json.loads(path.read_bytes())
-    except (OSError, ValueError) as error:
-        raise ConfigError(
-            f"{path}: {error}; `bpn reproduce {target.name}` without --redraw makes it"
-        ) from error
-    return made
-
-
 def page(target: Target, made: Document) -> str:
     """The markdown file."""
     when = time.strftime("%Y-%m-%d", time.gmtime(made["made_unix_s"]))
-    warning = "**A quick version: its numbers mean nothing.**\n\n" if made["quick"] else ""
+    warning = f"**{QUICK}.**\n\n" if made["quick"] else ""
     return (
         f"# {target.title}\n\n{warning}![{target.title}]({target.name}.png)\n\n{target.table(made)}\n\n"
         f"Made by `{made['command']}` on {when}, {made['machine']['cpu']}, {made['machine']['cores']} cores, "

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from bpn_shared.statistics import mean_std, merge_seeds
+from bpn_shared.statistics import merge_seeds
 
 Curves = npt.NDArray[np.float64]
 """float64[seeds, iterations]."""
@@ -40,12 +40,6 @@ def count(runs: Sequence[dict[str, Any]]) -> str:
     """How many seeds the runs have, and how many runs they are if a seed was run more than once."""
     seeds = len({run["seed"] for run in runs})
     return str(seeds) if seeds == len(runs) else f"{seeds} ({len(runs)} runs)"
-
-
-def plus_minus(values: npt.NDArray[np.float64], form: str = "{:.1f}", unit: str = "") -> str:
-    """Mean and spread as tables show them; one value has no spread."""
-    mean, std = mean_std(values)
-    return f"{form.format(mean)} ± {'-' if std is None else form.format(std)}{unit}"
 
 
 def full_length_shares(record: dict[str, Any]) -> list[float]:

@@ -52,7 +52,10 @@ class TaskChoice(BaseModel):
 
 
 class ConfigSchema(BaseModel):
-    """What a run's configuration may hold. The preset "gym:" is of every Gymnasium environment that has none."""
+    """What a run's configuration may hold.
+
+    The preset "gym:" is that of Gymnasium environments without their own; 0 actions: they are found out.
+    """
 
     schema_: dict[str, Any]
     presets: dict[str, dict[str, Any]]
@@ -81,7 +84,8 @@ def config_schema(_who: Viewer) -> ConfigSchema:
     """The schema of configurations, the paper's values per task, and the defaults."""
     return ConfigSchema(
         schema_=RunConfig.model_json_schema(),
-        presets={GYM_PREFIX: preset_of(GYM_PREFIX)} | PRESETS,
+        presets={name: preset_of(name) for name in PRESETS}
+        | {GYM_PREFIX: preset_of(GYM_PREFIX) | {"actions": 0}},
         tasks=[TaskChoice.of(task) for task in TASKS.values()],
         defaults=RunConfig().model_dump(),
     )

@@ -14,7 +14,7 @@ from pydantic import TypeAdapter
 
 from bpn_dashboard.database.tables import RunRow
 from bpn_dashboard.registry.admission import admits
-from bpn_dashboard.registry.circumstances import around
+from bpn_dashboard.registry.circumstances import Queue, around
 from bpn_dashboard.registry.leases import Demand, LeaseBook, Place
 from bpn_dashboard.registry.losses import Loss, Losses
 from bpn_dashboard.registry.setbacks import GiveBack, Setbacks
@@ -266,11 +266,11 @@ class LeaseDesk:
         """
         now_s = time.monotonic()
         with self._lock:
-            refused = self._refusals.current(now_s)
+            refused, queue = self._refusals.current(now_s), Queue.of(self._book)
             return {
                 run_id: around(
-                    UUID(run_id), self._book, self._setbacks, refused, now_s,
-                    owner=owner, router=router, disk=disk,
+                    UUID(run_id), self._book, queue, self._setbacks,
+                    refused=refused, now_s=now_s, owner=owner, router=router, disk=disk,
                 )
                 for run_id, owner in owners.items()
             }  # fmt: skip

@@ -47,6 +47,10 @@ class Dispatcher:
     Args:
         counters: refused requests are counted here.
         leading: false: another registry serves this router; runs are watched, nothing is done to them.
+
+    Attributes:
+        desk: what tokens and requests tell.
+        stalls: which runs make no progress, and why.
     """
 
     def __init__(
@@ -58,10 +62,10 @@ class Dispatcher:
         self._changed: dict[str, RunRow] = {}
         self._news = threading.Event()
         self._closed = threading.Event()
-        self._desk = LeaseDesk(store.folder, self._news.set, counters)
+        self.desk = LeaseDesk(store.folder, self._news.set, counters)
         self._rows: dict[str, RunRow] = {}  # of runs that are not over
         self._observers: dict[str, Observer] = {}
-        self._stalls = Stalls()
+        self.stalls = Stalls()
         self._releases = Releases(bus)
         self._probed_s: dict[str, float] = {}
         self._adopt_at_s = self._stalls_at_s = 0.0
@@ -72,11 +76,11 @@ class Dispatcher:
         """Begins; workers get leases once the tokens of those that work already have been told."""
         self._store.subscribe(self._take_changes)
         self._take_changes(self._store.find(RunFilter(states=_NOT_OVER, archived=None)))
-        self._desk.on_router(self._bus.router)
+        self.desk.on_router(self._bus.router)
         self._watches = (
-            TokenWatch(self._bus, keys.live("*", "*"), self._desk.on_worker),
-            TokenWatch(self._bus, keys.lease("*", "*", "*", "*"), self._desk.on_lease),
-            TelemetryWatch(self._bus, self._stalls.hear, Counters()),  # the hub counts what is none
+            TokenWatch(self._bus, keys.live("*", "*"), self.desk.on_worker),
+            TokenWatch(self._bus, keys.lease("*", "*", "*", "*"), self.desk.on_lease),
+            TelemetryWatch(self._bus, self.stalls.hear, Counters()),  # the hub counts what is none
         )
         self._responder = self._respond() if self._leading else None
         self._thread.start()
@@ -85,14 +89,16 @@ class Dispatcher:
         return Responder(self._bus, keys.lease_request(), self._answer, self._counters)
 
     def _answer(self, body: bytes) -> bytes:
-        self._desk.on_router(self._bus.router)
-        return self._desk.answer(body)
+        self.desk.on_router(self._bus.router)
+        return self.desk.answer(body)
 
     def lead(self, leading: bool) -> None:
         """Begins or ceases to serve workers."""
         if leading != self._leading:
-            self._desk.settle()
+            self.desk.settle()
             self._leading = leading
+            if self._responder is not None:
+                self._responder.close()
             self._responder = self._respond() if leading else None
             self._news.set()
 
@@ -113,7 +119,7 @@ class Dispatcher:
 
     def refused(self) -> list[Refused]:
         """The workers that ask for work and cannot be used."""
-        return self._desk.refused()
+        return self.desk.refused()
 
     def _take_changes(self, rows: Sequence[RunRow]) -> None:
         with self._lock:
@@ -139,32 +145,32 @@ class Dispatcher:
             self._store.adopt()
             self._take_changes(self._store.changed_folders())
             self._adopt_at_s = now_s + ADOPT_S
-        self._desk.on_router(self._bus.router)
+        self.desk.on_router(self._bus.router)
         self._note_losses()
-        self._desk.count_deaths(now_s)
+        self.desk.count_deaths(now_s)
         self._observe()
         if now_s >= self._stalls_at_s:
             self._observe_stalls(now_s)
             self._stalls_at_s = now_s + STALLS_S
         if self._leading:
             self._depose_silent(now_s)
-            leases = self._desk.to_release(now_s)
+            leases = self.desk.to_release(now_s)
             self._releases.tell((place, worker, self._reason(place)) for place, worker in leases)
 
     def _note_losses(self) -> None:
         """Writes down how far runs have come whose learners are gone, before others bring them on."""
-        for loss in self._desk.unnoted():
+        for loss in self.desk.unnoted():
             run_id = str(loss.run)
             state = recorded(self._store.folder(run_id))
             running = run_id in self._rows and state is not None and state.state == "running"
-            self._desk.note(loss, self._observer(run_id).iteration() if running else None)
+            self.desk.note(loss, self._observer(run_id).iteration() if running else None)
 
     def _observe(self) -> None:
         with self._lock:
             changed, self._changed = self._changed, {}
         _keep_newest(self._rows, changed.values())
-        held, owned = self._desk.occupation()
-        given_up = self._desk.given_up()
+        held, owned = self.desk.occupation()
+        given_up = self.desk.given_up()
         busy = {run_id for run_id, row in self._rows.items() if is_busy(row.state)}
         seen = {}
         for run_id in changed.keys() | held | busy | given_up.keys():
@@ -191,8 +197,8 @@ class Dispatcher:
     def _forget(self, run_id: str) -> None:
         del self._rows[run_id]
         self._observers.pop(run_id, None)
-        self._stalls.forget(run_id)
-        self._desk.forget(run_id)
+        self.stalls.forget(run_id)
+        self.desk.forget(run_id)
 
     def _observer(self, run_id: str) -> Observer:
         if run_id not in self._observers:
@@ -204,23 +210,23 @@ class Dispatcher:
             row for row in self._rows.values()
             if row.desired_state == "running" and row.archived_at is None
         ]  # fmt: skip
-        self._desk.demand(sorted(wanted, key=lambda row: (row.created_at, row.id)))
+        self.desk.demand(sorted(wanted, key=lambda row: (row.created_at, row.id)))
 
     def _observe_stalls(self, now_s: float) -> None:
-        self._stalls.read()
+        self.stalls.read()
         # An owner whose token is gone may be frozen or cut off, and is spoken of as silent.
         owners = {observer.owner for observer in self._observers.values()}
-        for worker in self._stalls.workers() - self._desk.alive() - owners:
-            self._stalls.gone(worker)
+        for worker in self.stalls.workers() - self.desk.alive() - owners:
+            self.stalls.gone(worker)
         elsewhere = {
             run_id: observer.owner if (observer := self._observers.get(run_id)) is not None
             and observer.elsewhere else None for run_id in self._rows
         }  # fmt: skip
         connected = self._bus.connected
         router = "" if connected else f"the router at {self._bus.endpoint} is not reached"
-        known = self._desk.around(elsewhere, router, self._disk())
+        known = self.desk.around(elsewhere, router, self._disk())
         self._store_seen(
-            {run: self._stalls.columns(self._rows[run], known[run], now_s) for run in known}
+            {run: self.stalls.columns(self._rows[run], known[run], now_s) for run in known}
         )
 
     def _disk(self) -> str:
@@ -234,12 +240,12 @@ class Dispatcher:
 
     def _depose_silent(self, now_s: float) -> None:
         """Gives up learners that have a token and say nothing, where another could take their place."""
-        for place, worker in self._desk.replaceable(now_s):
-            silent_s = self._stalls.silent_s(place.run, worker, now_s)
+        for place, worker in self.desk.replaceable(now_s):
+            silent_s = self.stalls.silent_s(place.run, worker, now_s)
             if silent_s is None or silent_s < _SILENT_S or self._answers(worker, now_s):
                 continue
             log.warning("learner %s of run %s is silent for %.0f s", worker, place.run, silent_s)
-            self._desk.depose(place, worker)
+            self.desk.depose(place, worker)
 
     def _answers(self, worker: str, now_s: float) -> bool:
         """Whether a silent learner answers for its health; true as well if it was asked just now."""
@@ -259,7 +265,7 @@ class Dispatcher:
             return "the run is over"
         if row.desired_state == "stopped":
             return "the run shall stop"
-        return self._desk.given_up().get(row.id, "it is needed elsewhere")
+        return self.desk.given_up().get(row.id, "it is needed elsewhere")
 
 
 def _keep_newest(known: dict[str, RunRow], rows: Iterable[RunRow]) -> None:

@@ -9,7 +9,7 @@ from uuid import UUID
 from bpn_dashboard.database.tables import RunRow
 from bpn_dashboard.registry.states import OVER
 from bpn_shared.messages.telemetry import Telemetry
-from bpn_shared.watchdog import STALLED_AFTER_S, Circumstances, Watchdog
+from bpn_shared.watchdog import Circumstances, Watchdog
 
 log = logging.getLogger(__name__)
 
@@ -84,9 +84,7 @@ class Stalls:
         since = self._since_unix_s.setdefault(row.id, time.time() - for_s)
         if stall is not None and row.id not in self._logged and "before it" not in reason:
             self._logged.add(row.id)
-            log.warning(
-                "run %s has made no progress for %.0f s: %s", row.id, STALLED_AFTER_S, reason
-            )
+            log.warning("run %s has made no progress for %.0f s: %s", row.id, for_s, reason)
         return {"waiting_reason": reason, "waiting_since": since}
 
     def _ends(self, run_id: str) -> None:

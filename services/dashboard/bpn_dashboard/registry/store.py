@@ -133,8 +133,8 @@ class RunStore:
         """A new run, in the queue for workers.
 
         Raises:
-            OSError: its folder cannot be made, as on a full disk; nothing of it is left.
             ReadOnlyError: another dashboard serves the router.
+            OSError: its folder cannot be made, as on a full disk; nothing of it is left.
         """
         self._check_writable()
         with self.index.making, ExitStack() as undo:

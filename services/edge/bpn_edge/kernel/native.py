@@ -2,7 +2,9 @@
 
 from bpn_edge.kernel import _native
 from bpn_edge.kernel.protocol import binarized, not_loaded
+from bpn_shared.bnn.blob import BlobError, Parameters
 from bpn_shared.bnn.golden import Integers, Observation
+from bpn_shared.bnn.spec import LAYERS
 from bpn_shared.weights import Weights
 
 
@@ -37,11 +39,35 @@ class NativeKernel:
             self.path, blob.spec.channels, blob.weights, blob.thresholds
         )
 
-    def run(self, observation: Observation) -> Integers:
-        """See `Kernel.run`."""
+    def read_back(self) -> Parameters:
+        """See `Kernel.read_back`; unpacked from the memory that the forward pass reads."""
+        network = self.network
+        try:
+            weights, thresholds = network.read_back()
+        except RuntimeError as error:
+            raise BlobError(f"the {self.name} kernel: {error}") from error
+        return {f"weights of {name}": w for name, w in zip(LAYERS, weights, strict=True)} | {
+            f"thresholds of {name}": t for name, t in zip(LAYERS, thresholds, strict=False)
+        }
+
+    def checksum(self) -> int:
+        """See `Kernel.checksum`."""
+        return self.network.checksum()
+
+    @property
+    def network(self) -> _native.Network:
+        """What runs.
+
+        Raises:
+            RuntimeError: nothing was loaded yet.
+        """
         if self._network is None:
             raise not_loaded(self.name)
-        return self._network.run(observation)
+        return self._network
+
+    def run(self, observation: Observation) -> Integers:
+        """See `Kernel.run`."""
+        return self.network.run(observation)
 
     def trace(self, observation: Observation) -> tuple[tuple[Observation, ...], Integers]:
         """One inference with its inner activations, for tests and diagnosis.
@@ -53,7 +79,5 @@ class NativeKernel:
         Raises:
             RuntimeError, ValueError: as `run`.
         """
-        if self._network is None:
-            raise not_loaded(self.name)
-        *activations, outputs = self._network.trace(observation)
+        *activations, outputs = self.network.trace(observation)
         return tuple(activations), outputs

@@ -5,8 +5,8 @@ import numpy.typing as npt
 import onnxruntime
 
 from bpn_edge.kernel.onnx_admission import admit
-from bpn_edge.kernel.protocol import not_loaded
-from bpn_shared.bnn.blob import BlobError
+from bpn_edge.kernel.protocol import OutputError, checksum_of, not_loaded
+from bpn_shared.bnn.blob import BlobError, Parameters
 from bpn_shared.bnn.golden import Observation, check_observation
 from bpn_shared.float_weights import FloatWeights
 from bpn_shared.weights import Weights
@@ -43,6 +43,16 @@ class OnnxKernel:
             ) from error
         self._loaded = session, weights
 
+    def read_back(self) -> Parameters:
+        """See `Kernel.read_back`; the bytes that the session was made from: ONNX Runtime shows no more."""
+        if self._loaded is None:
+            raise not_loaded(self.name)
+        return self._loaded[1].parameters()
+
+    def checksum(self) -> int:
+        """See `Kernel.checksum`."""
+        return checksum_of(self.read_back())
+
     def run(self, observation: Observation) -> npt.NDArray[np.float32]:
         """See `Kernel.run`; P, float32[|A|]."""
         if self._loaded is None:
@@ -52,6 +62,11 @@ class OnnxKernel:
         preferences: npt.NDArray[np.float32] = session.run(None, {_INPUT: _pixels(observation)})[0][
             0
         ]
+        broken = np.count_nonzero(~np.isfinite(preferences))
+        if broken:
+            raise OutputError(
+                f"{broken} of the {preferences.size} outputs are not finite: no action can be chosen by them"
+            )
         return preferences
 
 

@@ -1,8 +1,9 @@
 """What every kernel can do."""
 
+import zlib
 from typing import Protocol
 
-from bpn_shared.bnn.blob import BlobError, WeightBlob
+from bpn_shared.bnn.blob import BlobError, Parameters, WeightBlob
 from bpn_shared.bnn.golden import Observation
 from bpn_shared.outputs import Outputs
 from bpn_shared.weights import Weights
@@ -27,6 +28,23 @@ class Kernel(Protocol):
         """
         ...
 
+    def read_back(self) -> Parameters:
+        """Every parameter as it is in the kernel's memory now, named as the policy's `parameters()`.
+
+        Raises:
+            RuntimeError: nothing was loaded yet.
+            BlobError: the memory holds what no policy is stored as.
+        """
+        ...
+
+    def checksum(self) -> int:
+        """A number that changes with any bit of that memory: quick, for between two episodes.
+
+        Raises:
+            RuntimeError: nothing was loaded yet.
+        """
+        ...
+
     def run(self, observation: Observation) -> Outputs:
         """One inference.
 
@@ -39,8 +57,13 @@ class Kernel(Protocol):
         Raises:
             RuntimeError: nothing was loaded yet.
             ValueError: the observation has another dtype or shape.
+            OutputError: an output is no number.
         """
         ...
+
+
+class OutputError(BlobError):
+    """The network's outputs are not all finite: no action can be chosen by them."""
 
 
 def binarized(name: str, weights: Weights) -> WeightBlob:
@@ -52,6 +75,14 @@ def binarized(name: str, weights: Weights) -> WeightBlob:
     if not isinstance(weights, WeightBlob):
         raise BlobError(f"the {name} kernel runs binarized policies, this one is float")
     return weights
+
+
+def checksum_of(parameters: Parameters) -> int:
+    """`Kernel.checksum` of a kernel whose memory is these arrays."""
+    sum_ = 0
+    for values in parameters.values():
+        sum_ = zlib.crc32(values.tobytes(), sum_)
+    return sum_
 
 
 def not_loaded(name: str) -> RuntimeError:

@@ -54,6 +54,8 @@ export interface JsonSchemaProperty {
   exclusiveMaximum?: number;
 }
 
+export type SystemStatus = Schemas['SystemStatus'];
+
 export type TaskInfo = Schemas['TaskChoice'];
 
 export type ConfigSchema = Pick<Schemas['ConfigSchema'], 'tasks'> & {

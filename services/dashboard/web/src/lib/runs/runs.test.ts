@@ -30,6 +30,8 @@ function aRun(i: number, change: Partial<Run> = {}): Run {
       length: { last: 20 },
     },
     error: '',
+    waiting_reason: '',
+    waiting_since_unix_s: null,
     notes: '',
     tags: [],
     sweep_id: null,

@@ -1,0 +1,154 @@
+"""What a run's folder says of iterations that are done, and whether what is computed now agrees with it.
+
+Whatever can be compared is compared: a resumed run has exactly the data and the policy that it had, or an error.
+"""
+
+import logging
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from bpn_learner.checkpoint import REMEDY, CheckpointError, decode_checkpoint
+from bpn_learner.episodes import DataError, Scored
+from bpn_learner.export import export
+from bpn_learner.initial import initial_policy
+from bpn_learner.networks import PNetwork
+from bpn_shared.bnn.blob import BlobError
+from bpn_shared.config import RunConfig
+from bpn_shared.runs.folder import RunFolder
+from bpn_shared.weights import Weights
+
+log = logging.getLogger(__name__)
+
+_TOLERANCE = 2e-3
+"""Between rewards that were rounded to three digits."""
+
+
+class History:
+    """The past of one run, read when an attempt begins."""
+
+    def __init__(self, config: RunConfig, folder: RunFolder) -> None:
+        self._config, self._folder = config, folder
+        self._records: dict[int, dict[str, Any]] = {r["iteration"]: r for r in folder.metrics()}
+        self._rewards = folder.rewards()
+        self.is_repeatable = config.pacing == "lockstep" and config.device == "cpu"
+        """Whether what is done again comes out the same, bit by bit."""
+
+    def load_policy(self) -> "tuple[PNetwork, Any, int]":
+        """Network, optimizer and the number of updates done, of the checkpoint or else of the beginning.
+
+        Raises:
+            CheckpointError: there is a checkpoint, but not one to go on from.
+        """
+        network, optimizer = initial_policy(self._config)
+        path = self._folder.checkpoint_path
+        try:
+            data = self._folder.read_file(path.name)
+        except FileNotFoundError:
+            if self._records:
+                log.warning(
+                    "%s is missing: trains from the beginning, with the episodes there are", path
+                )
+            return network, optimizer, 0
+        except OSError as error:
+            raise CheckpointError(f"{path}: {error.strerror}; {REMEDY}") from error
+        try:
+            done = decode_checkpoint(data, network, optimizer)
+        except CheckpointError as error:
+            raise CheckpointError(f"{path}: {error}") from error
+        network.eval()
+        return network, optimizer, done
+
+    def check_policy(self, network: PNetwork, done: int) -> None:
+        """Compares a restored network with what the folder says that the last update came to.
+
+        Raises:
+            CheckpointError: it is another one.
+        """
+        path = self._folder.checkpoint_path
+        if done > self._config.iterations:
+            raise CheckpointError(
+                f"{path} tells of {done} updates, the run has {self._config.iterations}; {REMEDY}"
+            )
+        missing = sorted(set(range(done)) - self._records.keys())
+        if missing:
+            log.warning("metrics.jsonl has lost the iterations %s", ", ".join(map(str, missing)))
+        expected, found = self.weights_sha256(done), export(network).content_sha256()
+        if expected is not None and found != expected:
+            message = (
+                f"{path} holds other weights than version {done}, which the run's files tell of"
+            )
+            if self._config.device == "cpu":
+                raise CheckpointError(f"{message}; {REMEDY}")
+            log.warning("%s: another device rounds otherwise", message)
+
+    def weights_sha256(self, version: int) -> str | None:
+        """What the content of a version was; None where nothing tells."""
+        told = self._records.get(version - 1, {}).get("weights_sha256")
+        if isinstance(told, str):
+            return told
+        try:
+            return self._folder.weights(version).content_sha256()
+        except (OSError, BlobError):
+            return None
+
+    def weights(self, version: int, attempt: int) -> Weights:
+        """A version as it was, for an iteration that is played again, in the name of an attempt.
+
+        Raises:
+            DataError: it is lost.
+        """
+        path = self._folder.weights_path(version)
+        try:
+            weights = self._folder.weights(version)
+        except (OSError, BlobError) as error:
+            if version > 0:
+                raise DataError(
+                    f"episodes of iteration {version} are missing and cannot be played again: {path}: "
+                    f"{error}; {REMEDY}"
+                ) from error
+            weights = export(initial_policy(self._config)[0])
+        told = self._records.get(version - 1, {}).get("weights_sha256")
+        if version != 0 and (
+            weights.version != version or told not in (None, weights.content_sha256())
+        ):
+            raise DataError(
+                f"episodes of iteration {version} are missing and cannot be played again: {path} is not "
+                f"version {version} of this run; {REMEDY}"
+            )
+        return replace(weights, run=self._folder.run, attempt=attempt, version=version)
+
+    def check_rewards(
+        self, iteration: int, episodes: list[Scored], rewards_px: list[list[float]]
+    ) -> bool:
+        """Compares an iteration's rewards with those that were kept when it was first collected.
+
+        What was played again in realtime is another episode, and is not compared.
+
+        Returns:
+            Whether they are kept already.
+
+        Raises:
+            DataError: they are others.
+        """
+        kept = self._rewards.get(iteration)
+        if kept is None:
+            return False
+        same = [_equal(*pair) for pair in zip(kept, rewards_px, strict=False)]
+        same += [False] * (len(rewards_px) - len(same))
+        for index, (scored, is_same) in enumerate(zip(episodes, same, strict=True)):
+            if not is_same and (scored.kept or self.is_repeatable):
+                raise DataError(
+                    f"episode ({iteration}, {index}) has other rewards than rewards.jsonl says: this program "
+                    "computes them otherwise than the one that collected it, or its file is not the one that was "
+                    "stored. Go on with that program, or start a new run"
+                )
+        return all(same)
+
+
+def _equal(kept: object, found: list[float]) -> bool:
+    try:
+        return np.allclose(np.asarray(kept, np.float64), found, rtol=1e-6, atol=_TOLERANCE)
+    except (ValueError, TypeError):  # of another length, or no numbers
+        return False

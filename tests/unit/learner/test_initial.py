@@ -1,0 +1,59 @@
+"""The network that a run begins with: published curves come from its bits."""
+
+import hashlib
+
+import pytest
+import torch
+
+from bpn_learner.initial import initial_policy
+from bpn_learner.networks import BinaryNetwork, FloatNetwork, PNetwork
+from bpn_shared.algorithms import ALGORITHMS, AlgorithmName
+from bpn_shared.config import RunConfig
+
+PINNED = {
+    ("binary", "reaching", 0): "ca9004cb2354ad5d2241c6239038768277c5a8fb9a888ade4d2a7492b544e324",
+    ("binary", "tracking", 7): "d6d42945dea233270a1a97cb9009b1d43f655a4ce39e628c632e271e910cf731",
+    ("float", "reaching", 0): "8cebd261224621f32659c03dc111e8dcf175f7e383f0b11a1653a5a747c01b9d",
+    ("float", "tracking", 7): "e6a6d2bf8796dc75dd3e9523c343dfb661a1bdac7b42c51bd56aaad54aaff371",
+}
+
+
+def sha256(network: PNetwork) -> str:
+    digest = hashlib.sha256()
+    for parameter in network.parameters():
+        digest.update(parameter.detach().numpy().astype("<f4").tobytes())
+    return digest.hexdigest()
+
+
+@pytest.mark.parametrize("algorithm", ALGORITHMS)
+@pytest.mark.parametrize(("task", "seed"), [("reaching", 0), ("tracking", 7)])
+def test_initial_weights_are_what_they_always_were(
+    algorithm: AlgorithmName, task: str, seed: int
+) -> None:
+    config = RunConfig.for_task(task, algorithm=algorithm, seed=seed, nodes=24, scale_initial=0.25)
+    network, _ = initial_policy(config)
+    assert sha256(network) == PINNED[ALGORITHMS[algorithm].network, task, seed]
+
+
+def test_every_seed_has_weights_of_its_own() -> None:
+    seeds = [0, 1, 2, 2**63 - 1]
+    found = {sha256(initial_policy(RunConfig(seed=seed, nodes=8))[0]) for seed in seeds}
+    assert len(found) == len(seeds)
+
+
+@pytest.mark.parametrize("algorithm", ["bpn", "cvi"])
+def test_scale_rate_and_threads_are_the_configurations(algorithm: AlgorithmName) -> None:
+    config = RunConfig.for_task(
+        "reaching", algorithm=algorithm, nodes=8, learning_rate=0.03, scale_initial=0.7
+    )
+    network, optimizer = initial_policy(config)
+    assert torch.get_num_threads() == 1
+    rates = [group["lr"] for group in optimizer.param_groups]
+    if isinstance(network, BinaryNetwork):
+        assert float(network.scale().detach()) == pytest.approx(0.7)
+        assert rates == pytest.approx([0.03, 0.09])
+    else:
+        assert isinstance(network, FloatNetwork)
+        assert rates == [0.03]
+    trained = [id(p) for group in optimizer.param_groups for p in group["params"]]
+    assert sorted(trained) == sorted(id(p) for p in network.parameters())
