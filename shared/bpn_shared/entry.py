@@ -67,6 +67,7 @@ def run_worker(
     answers: Answers = MappingProxyType({}),
     *,
     holds_on_s: float | None = None,
+    gpu: bool | None = None,
 ) -> int:
     """Sets up logging, signals and session, announces the worker, serves, and closes again.
 
@@ -75,6 +76,7 @@ def run_worker(
     Args:
         holds_on_s: after how long without a router it ends its work, so that another can go on with it; None:
             never.
+        gpu: whether this machine has one, if the registry shall know.
 
     Returns:
         The exit status: what `serve` returns; `EXIT_UNRECOVERABLE` for errors that a restart cannot mend,
@@ -98,7 +100,7 @@ def run_worker(
             for key, handler in answers.items():
                 stack.enter_context(Responder(bus, key, handler, process.counters))
             if options.run is None:
-                return LeaseLoop(process, options.place).run(serve)
+                return LeaseLoop(process, options.place, gpu).run(serve)
             return _serve_run(process, options.run, slot, serve)
     except (InputError, RunOwnedError) as error:
         log.error("%s", error)

@@ -53,10 +53,11 @@ class LeaseLoop:
 
     Args:
         label: where this worker runs (`LeaseRequest`).
+        gpu: whether it has one, if that is of interest.
     """
 
-    def __init__(self, process: WorkerProcess, label: str) -> None:
-        self._process, self._label = process, label
+    def __init__(self, process: WorkerProcess, label: str, gpu: bool | None = None) -> None:
+        self._process, self._label, self._gpu = process, label, gpu
         self._lock = threading.Lock()
         self._lease: Lease | None = None
         self._gave_back: GiveBack | None = None  # until the registry knows
@@ -106,6 +107,7 @@ class LeaseLoop:
                 version=VERSION,
                 protocol=PROTOCOL,
                 gave_back=self._gave_back,
+                gpu=self._gpu,
             )
             reply = process.ask(
                 keys.lease_request(),

@@ -172,3 +172,12 @@ def test_without_a_robot_worker_unknown_actions_are_one_clear_sentence(served: S
         assert "or give actions" in str(refused.value), name
         assert door("gym:MountainCar-v0", {"actions": 3}).config().actions == 3
         assert door("gym:CartPole-v1", {}).config().actions == 2  # its preset knows
+
+
+def test_runs_that_go_first_are_told(served: Served) -> None:
+    said: list[str] = []
+    for expected in ([], ["1 run before it"], ["2 runs before it"]):
+        served.post("/runs", {"config": {"task": "reaching"}})
+        train.say_place(served.dashboard, said.append)
+        assert [line.split(";")[0] for line in said] == expected
+        said.clear()

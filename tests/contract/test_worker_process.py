@@ -96,3 +96,20 @@ def test_it_is_alive_and_not_ready_while_the_router_is_away(
     finally:
         os.kill(process.pid, signal.SIGKILL)
         process.communicate(timeout=10)
+
+
+def test_on_a_full_disk_it_goes_on_without_log_and_heartbeat(
+    endpoint: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("BPN_HEARTBEAT", "/dev/full")
+    with Path("/dev/full").open("w") as full:
+        process = subprocess.Popen(
+            [sys.executable, "-c", PROGRAM, endpoint, "wait", RUN],
+            stdout=subprocess.PIPE,
+            stderr=full,
+            text=True,
+        )
+    assert process.stdout is not None
+    assert process.stdout.readline() == "working\n"
+    process.terminate()
+    assert process.wait(30) == 0

@@ -33,6 +33,10 @@ from bpn_shared.bus.session import Bus, BusError
 from bpn_shared.bus.x509 import facts
 
 DAY = Validity.of_days(1)
+AUTHORITY_IDENTITY = x509.new_authority("bpn authority", DAY)
+ROUTER_DER = x509.issue(
+    AUTHORITY_IDENTITY, "router", DAY, server_names=["a.example", "::1"]
+).certificate.public_bytes(Encoding.DER)
 
 
 def ago(days: float) -> Validity:
@@ -147,6 +151,22 @@ def test_something_that_speaks_no_tls_is_named(router: SecureRouter, endpoint: s
 
 
 @given(
+    names=st.sets(
+        st.one_of(
+            st.from_regex(r"[a-z]([a-z0-9-]{0,20}[a-z0-9])?(\.[a-z]{1,10}){0,3}", fullmatch=True),
+            st.ip_addresses().map(str),
+        ),
+        max_size=12,
+    )
+)
+def test_server_names_are_read_as_they_were_written(names: set[str]) -> None:
+    router = x509.issue(AUTHORITY_IDENTITY, "router", DAY, server_names=sorted(names))
+    read = facts(router.certificate.public_bytes(Encoding.DER))
+    assert read.server_names == names
+    assert read.common_name == "router"
+
+
+@given(
     days=st.floats(0.01, 5000.0),
     name=st.text(st.characters(min_codepoint=32, max_codepoint=0x2FF), min_size=1, max_size=40),
 )
@@ -158,12 +178,9 @@ def test_dates_and_names_are_read_as_they_were_written(days: float, name: str) -
     assert read.end == identity.certificate.not_valid_after_utc
 
 
-AUTHORITY_DER = x509.new_authority("bpn authority", DAY)
-
-
 @given(st.data())
 def test_damaged_certificates_are_refused_or_read_and_nothing_else(data: st.DataObject) -> None:
-    der = bytearray(AUTHORITY_DER.certificate.public_bytes(Encoding.DER))
+    der = bytearray(ROUTER_DER)
     for _ in range(data.draw(st.integers(1, 4))):
         der[data.draw(st.integers(0, len(der) - 1))] = data.draw(st.integers(0, 255))
     with contextlib.suppress(ValueError):

@@ -22,9 +22,10 @@ from bpn.errors import CommandError
 from bpn.stall_notice import LocalStalls, StallNotice
 from bpn.supervisor import Supervisor, services_of_run
 from bpn_shared.bus.metrics import MetricsSubscriber
-from bpn_shared.bus.session import Bus
+from bpn_shared.bus.session import Bus, BusError
 from bpn_shared.bus.telemetry import TelemetryWatch
 from bpn_shared.config import ConfigError, RunConfig
+from bpn_shared.errors import InputError
 from bpn_shared.messages.metrics import MetricsBatch
 from bpn_shared.runs.folder import RunFolder, RunOwnedError, State
 from bpn_shared.service import Counters
@@ -189,15 +190,18 @@ def _display(
     done = threading.Event()
 
     def follow() -> None:
-        with contextlib.suppress(RuntimeError), Bus(endpoint, stop=done) as bus:
-            watches: list[object] = [MetricsSubscriber(bus, folder.run, display.on_batch)]
-            if stalls is not None:
-                watches.append(TelemetryWatch(bus, stalls.hear, Counters()))
+        with contextlib.ExitStack() as stack:
+            bus: Bus | None = None
+            with contextlib.suppress(BusError, InputError):  # lines are in the folder all the same
+                bus = stack.enter_context(Bus(endpoint, stop=done))
+                stack.enter_context(MetricsSubscriber(bus, folder.run, display.on_batch))
+                if stalls is not None:
+                    watch = TelemetryWatch(bus, stalls.hear, Counters())
+                    stack.enter_context(contextlib.closing(watch))
             while not done.wait(0.2):
                 display.show_new_lines()
                 if stalls is not None:
-                    stalls.look(display.shown, connected=bus.connected)
-            watches.clear()
+                    stalls.look(display.shown, connected=bus is not None and bus.connected)
 
     thread = threading.Thread(target=follow, name="progress")
     with display.progress:

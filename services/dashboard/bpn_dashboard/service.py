@@ -65,7 +65,7 @@ def build(
         runs=runs,
         ingest=Ingest(options.runs_dir, database, counters),
         counters=counters,
-        place=ConnectedWorkers(lambda: live.bus),
+        place=ConnectedWorkers(lambda: live.bus, live.gpus),
         topology=live.topology.snapshot,
         obstacle=live.obstacle,
         read_only=live.read_only,

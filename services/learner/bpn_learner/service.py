@@ -8,6 +8,7 @@ from pathlib import Path
 from bpn_learner.checkpoint import CheckpointError
 from bpn_learner.episodes import DataError
 from bpn_learner.group import GroupLostError
+from bpn_learner.initial import has_gpu
 from bpn_learner.ledger import EpisodeLedger
 from bpn_learner.member import serve_member
 from bpn_learner.refusals import EpisodeImpossibleError
@@ -163,10 +164,17 @@ def main(argv: list[str] | None = None) -> int:
         "--slot", type=int, default=0,
         help="rank among the run's learners; 0 (default) is the one that owns the run folder",
     )  # fmt: skip
+    parser.add_argument(
+        "--give-up-after", type=float, metavar="SECONDS", default=GIVE_UP_AFTER_S,
+        help="how long without the router until the run is left to other learners (default %(default)s)",
+    )  # fmt: skip
     options = parser.parse_args(argv)
+    if not options.give_up_after > 0:
+        parser.error(f"--give-up-after {options.give_up_after} must be above 0")
     return run_worker(
         "learner",
         options,
         lambda worker: serve(worker, options.runs_dir),
-        holds_on_s=GIVE_UP_AFTER_S,
+        holds_on_s=options.give_up_after,
+        gpu=has_gpu(),
     )

@@ -57,10 +57,11 @@ class CertificateWatch:
             return
         self._looked_s = self._now_s()
         try:
-            _, start, end = facts_of(self._files.certificate)
+            certificate = facts_of(self._files.certificate)
         except (OSError, ValueError) as error:
             self._say(f"the certificate cannot be read: {one_line(error)}", expired=True)
             return
+        start, end = certificate.start, certificate.end
         left = end - datetime.now(UTC)
         when = f"{end:%Y-%m-%d %H:%M:%S} UTC"
         if left <= timedelta(0):

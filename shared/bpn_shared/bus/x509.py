@@ -5,12 +5,18 @@ about. Who is trusted is decided by TLS alone, not here.
 """
 
 import ssl
+from collections.abc import Iterator
 from datetime import UTC, datetime
+from ipaddress import ip_address
 from pathlib import Path
 from typing import NamedTuple
 
-_SEQUENCE, _SET, _TEXT_TIME, _OID, _VERSION = 0x30, 0x31, 0x17, 0x06, 0xA0
-_COMMON_NAME = bytes([0x55, 0x04, 0x03])
+_SHORT_TIME, _OCTETS, _VERSION, _EXTENSIONS = 0x17, 0x04, 0xA0, 0xA3  # tags
+_DNS_NAME, _ADDRESS = 0x82, 0x87
+_COMMON_NAME, _SERVER_NAMES = (
+    bytes([0x55, 0x04, 0x03]),
+    bytes([0x55, 0x1D, 0x11]),
+)  # object identifiers
 _BEGIN, _END = "-----BEGIN CERTIFICATE-----", "-----END CERTIFICATE-----"
 
 
@@ -20,6 +26,8 @@ class CertificateFacts(NamedTuple):
     common_name: str
     start: datetime
     end: datetime
+    server_names: frozenset[str]
+    """DNS names and IP addresses by which it may be reached."""
 
 
 def facts(der: bytes) -> CertificateFacts:
@@ -35,10 +43,10 @@ def facts(der: bytes) -> CertificateFacts:
         for _ in range(3 if tag == _VERSION else 2):
             _, _, rest = _element(rest)
         _, validity, rest = _element(rest)
-        _, subject, _ = _element(rest)
+        _, subject, rest = _element(rest)
         start, end = _times(validity)
-        return CertificateFacts(_common_name(subject), start, end)
-    except (IndexError, UnicodeDecodeError) as error:
+        return CertificateFacts(_common_name(subject), start, end, frozenset(_server_names(rest)))
+    except (IndexError, StopIteration, RuntimeError, UnicodeDecodeError) as error:
         raise ValueError("not a certificate") from error
 
 
@@ -78,7 +86,7 @@ def _times(validity: bytes) -> tuple[datetime, datetime]:
 
 
 def _time(tag: int, text: bytes) -> datetime:
-    form = "%y%m%d%H%M%SZ" if tag == _TEXT_TIME else "%Y%m%d%H%M%SZ"
+    form = "%y%m%d%H%M%SZ" if tag == _SHORT_TIME else "%Y%m%d%H%M%SZ"
     return datetime.strptime(text.decode(), form).replace(tzinfo=UTC)
 
 
@@ -91,3 +99,25 @@ def _common_name(subject: bytes) -> str:
         if kind == _COMMON_NAME:
             return value.decode()
     return ""
+
+
+def _server_names(after_subject: bytes) -> Iterator[str]:
+    for tag, field in _elements(after_subject):
+        if tag != _EXTENSIONS:
+            continue
+        _, extensions, _ = _element(field)
+        for _, extension in _elements(extensions):
+            (_, kind), *others = _elements(extension)
+            if kind == _SERVER_NAMES:
+                _, names, _ = _element(next(value for what, value in others if what == _OCTETS))
+                for what, name in _elements(names):
+                    if what == _DNS_NAME:
+                        yield name.decode()
+                    elif what == _ADDRESS:
+                        yield str(ip_address(name))
+
+
+def _elements(der: bytes) -> Iterator[tuple[int, bytes]]:
+    while der:
+        tag, contents, der = _element(der)
+        yield tag, contents

@@ -50,7 +50,7 @@ def run(options: argparse.Namespace) -> int:
         f"run {folder.run} ({config.algorithm}, {config.task}, seed {config.seed}) in {folder.path}"
     )
     if dashboard is not None:
-        _say_place(dashboard, say)
+        say_place(dashboard, say)
     stop = stop_on_signals()
     if dashboard is None:
         execute(folder, endpoint=private_endpoint(), stop=stop, out=out)
@@ -99,7 +99,7 @@ def folder_of(options: argparse.Namespace, dashboard: Dashboard | None) -> RunFo
     return folder
 
 
-def _say_place(dashboard: Dashboard, say: Callable[[str], None]) -> None:
+def say_place(dashboard: Dashboard, say: Callable[[str], None]) -> None:
     """How many runs the dashboard's workers will do first, or are doing."""
     before = dashboard.runs(state="queued,running", limit="1")["total"] - 1
     if before > 0:

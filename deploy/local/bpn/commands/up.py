@@ -8,6 +8,7 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
+from bpn.certified import check
 from bpn.dashboard import Dashboard, DashboardAwayError
 from bpn.local_run import RunFailedError, private_endpoint
 from bpn.options import add_runs_dir
@@ -15,6 +16,7 @@ from bpn.outputs import check_runs_dir
 from bpn.pool import PoolSize, services_of_pool
 from bpn.supervisor import Supervisor
 from bpn.terminal import command
+from bpn_shared.access import ROUTER
 from bpn_shared.bus.router import configure
 from bpn_shared.errors import InputError
 from bpn_shared.service import stop_on_signals
@@ -35,6 +37,11 @@ def add_options(parser: argparse.ArgumentParser, _arguments: Sequence[str]) -> N
         "--listen", metavar="ENDPOINT",
         help="the router's endpoint, for workers elsewhere (default: a private Unix socket)",
     )  # fmt: skip
+    parser.add_argument(
+        "--certificates", type=Path, metavar="FOLDER",
+        help="what `bpn-certificates` made there, for a router that other machines reach: "
+        "--listen tls/0.0.0.0:7447",
+    )  # fmt: skip
     add_runs_dir(parser)
     parser.set_defaults(run=run)
 
@@ -53,12 +60,21 @@ def run(options: argparse.Namespace) -> int:
             "stop it or choose another --runs-dir"
         )
     size, port = _size(options), _port(options.port)
+    certificates = options.certificates and options.certificates / ROUTER
     if options.listen is not None:
-        configure(options.listen)  # what the router would refuse
+        configure(options.listen, certificates=certificates)  # what the router would refuse
+    if options.certificates is not None:
+        if options.listen is None:
+            raise InputError("--certificates is for a router that others reach: add --listen")
+        check(options.certificates, options.listen)
     check_runs_dir(options.runs_dir)
     logs = options.runs_dir / ".logs"
     services = services_of_pool(
-        size, options.runs_dir, options.listen or private_endpoint(), ["--port", str(port)]
+        size,
+        options.runs_dir,
+        options.listen or private_endpoint(),
+        ["--port", str(port)],
+        certificates=options.certificates,
     )
     supervisor = Supervisor(services, logs)
     stop = stop_on_signals()

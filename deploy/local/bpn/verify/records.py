@@ -8,6 +8,7 @@ from bpn.verify.findings import Findings
 from bpn.verify.recorded import epsilon
 from bpn.verify.targets import Played
 from bpn_shared.config import RunConfig
+from bpn_shared.markers import REACHING_TARGET_RADIUS_PX
 
 REWARD_TOLERANCE_PX = 6e-4
 """rewards.jsonl has three decimals."""
@@ -32,6 +33,9 @@ def check_metrics(
         "failures" if "failures" in record else "terminated": sum(e.terminal for e in data),
         name: float(np.mean(returns)),
     }
+    successes = _successes(config, data)
+    if successes is not None and "failures" not in record:
+        expected["successes"] = successes
     for key, value in expected.items():
         where = f"iteration {iteration}, {key}"
         findings.compare("returns", where, record.get(key), value, tolerance=TOLERANCE)
@@ -43,6 +47,16 @@ def check_metrics(
     share = epsilon(config, iteration)
     where = f"iteration {iteration}"
     findings.compare("epsilon", where, record.get("epsilon"), share, tolerance=TOLERANCE)
+
+
+def _successes(config: RunConfig, data: list[Played]) -> int | None:
+    """Episodes that did what the task is about, where their pixels tell; else None."""
+    match config.task_spec.success:
+        case "kept":
+            return sum(not episode.terminal for episode in data)
+        case "reached":
+            return sum(float(e.rewards[-1]) >= -REACHING_TARGET_RADIUS_PX for e in data)
+    return None
 
 
 def check_rewards(
