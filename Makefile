@@ -32,7 +32,8 @@ screenshots: $(INSTALLED) ## the pictures of the web UI in docs/dashboard, and h
 test-containers: $(INSTALLED) ## build the images, run the whole loop in containers (any Docker Engine from 25 on)
 	BPN_CONTAINERS=1 $(BIN)/pytest tests/containers
 
-test-chaos: $(INSTALLED) ## every fault that containers may have in the middle of a run (about a quarter of an hour)
+test-chaos: $(INSTALLED) ## every fault that containers may have in the middle of a run (about half an hour), and to a run's files
+	BPN_CHAOS=1 $(BIN)/pytest tests/chaos/test_flip_anything.py
 	BPN_CONTAINERS=1 BPN_CHAOS=1 $(BIN)/pytest -s tests/containers/test_chaos.py tests/containers/test_full_disk.py
 
 test-fresh-machine: ## the README's two commands in a bare container, as root and as a normal user (half an hour; any Docker Engine)

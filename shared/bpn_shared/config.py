@@ -334,8 +334,7 @@ def preset_of(task: str) -> dict[str, Any]:
 
     "gym:" has those of a Gymnasium environment that has no preset of its own.
     """
-    of_gym = _of_task(task) | _GYM_PRESET if is_gym(task) else {}
-    return of_gym | PRESETS.get(task, {})
+    return _of_task(task) | (_GYM_PRESET if is_gym(task) else {}) | PRESETS.get(task, {})
 
 
 _TASK_FIELDS = ("frame_channels", "frames_stacked", "frame_skip", "actions")

@@ -3,17 +3,26 @@
 import argparse
 import logging
 from collections.abc import Callable, Mapping
+from contextlib import ExitStack
+from dataclasses import replace
 from types import MappingProxyType
 from uuid import UUID
 
 from bpn_shared.bus.requests import Responder
-from bpn_shared.bus.session import DEFAULT_ENDPOINT, Bus, BusError
-from bpn_shared.config import ConfigError, RunConfig
+from bpn_shared.bus.router_watch import RouterLostError, RouterWatch
+from bpn_shared.bus.session import DEFAULT_ENDPOINT, Bus, BusError, prepare_process
+from bpn_shared.config import RunConfig
+from bpn_shared.errors import InputError, one_line
 from bpn_shared.heartbeat import Heartbeat
 from bpn_shared.leased import LeaseLoop
 from bpn_shared.messages.lease import Role
 from bpn_shared.runs.folder import RunOwnedError
-from bpn_shared.service import end_with_supervisor, new_worker_id, set_up_logging, stop_on_signals
+from bpn_shared.service import (
+    end_with_supervisor,
+    new_worker_id,
+    set_up_logging,
+    stop_on_signals,
+)
 from bpn_shared.worker import (
     EXIT_FAILED,
     EXIT_FINISHED,
@@ -56,39 +65,59 @@ def run_worker(
     options: argparse.Namespace,
     serve: Serve,
     answers: Answers = MappingProxyType({}),
+    *,
+    holds_on_s: float | None = None,
+    gpu: bool | None = None,
 ) -> int:
     """Sets up logging, signals and session, announces the worker, serves, and closes again.
 
     With `--run` it serves that run; without, whichever the registry leases, one after the other.
 
+    Args:
+        holds_on_s: after how long without a router it ends its work, so that another can go on with it; None:
+            never.
+        gpu: whether this machine has one, if the registry shall know.
+
     Returns:
-        The exit status: what `serve` returns; `EXIT_UNRECOVERABLE` for errors that a restart cannot mend.
+        The exit status: what `serve` returns; `EXIT_UNRECOVERABLE` for errors that a restart cannot mend,
+        `EXIT_FAILED` for others. Whatever it is, its reason is the last line of level ERROR.
     """
     slot: int = getattr(options, "slot", None) or 0
     set_up_logging(kind if options.run is None else service_name(kind, slot))
+    prepare_process()
     stop = stop_on_signals()
     end_with_supervisor()
     try:
-        with Bus(options.connect, stop=stop) as bus, Heartbeat(lambda: bus.connected):
-            process = WorkerProcess(kind=kind, id=new_worker_id(kind), bus=bus, stop=stop)
-            responders = [
-                Responder(bus, key, handler, process.counters) for key, handler in answers.items()
-            ]
+        with ExitStack() as stack:
+            heartbeat = stack.enter_context(Heartbeat(lambda: False))
+            bus = stack.enter_context(Bus(options.connect, stop=stop))
+            heartbeat.ready_when(lambda: bus.connected)
+            process = WorkerProcess(
+                kind=kind, id=new_worker_id(kind), bus=bus, stop=stop, holds_on_s=holds_on_s
+            )
+            router = stack.enter_context(RouterWatch(bus, process.waiting, process.counters))
+            process = replace(process, router=router)
+            for key, handler in answers.items():
+                stack.enter_context(Responder(bus, key, handler, process.counters))
             if options.run is None:
-                status = LeaseLoop(process, options.place).run(serve)
-                del responders
-                return status
-            announced = process.announce(lambda: (options.run, slot))
-            log.info("%s serves run %s, slot %d", process.id, options.run, slot)
-            status = serve(process.at(options.run, slot, bus, stop))
-            del announced, responders
-            return status
-    except BusError as error:
-        log.error("%s", error)
-        return EXIT_FINISHED if stop.is_set() else EXIT_FAILED
-    except (ConfigError, RunOwnedError) as error:
+                return LeaseLoop(process, options.place, gpu).run(serve)
+            return _serve_run(process, options.run, slot, serve)
+    except (InputError, RunOwnedError) as error:
         log.error("%s", error)
         return EXIT_UNRECOVERABLE
+    except BusError as error:
+        if stop.is_set() and not isinstance(error, RouterLostError):
+            return EXIT_FINISHED
+        log.error("%s", error)
+    except Exception as error:
+        log.exception("%s", one_line(error))
+    return EXIT_FAILED
+
+
+def _serve_run(process: WorkerProcess, run: UUID, slot: int, serve: Serve) -> int:
+    with process.announced(lambda: (run, slot)), process.holding(process.stop):
+        log.info("%s serves run %s, slot %d", process.id, run, slot)
+        return serve(process.at(run, slot, process.bus, process.stop))
 
 
 def run_slot_worker(

@@ -17,12 +17,20 @@ from bpn_shared.bus.logs import LogPublisher
 from bpn_shared.bus.requests import Responder
 from bpn_shared.bus.session import Bus, BusError
 from bpn_shared.config import ConfigError
+from bpn_shared.errors import InputError, one_line
 from bpn_shared.messages.control import MAX_REASON
 from bpn_shared.messages.lease import GiveBack, LeaseReply, LeaseRequest, Release, ReleaseReply
 from bpn_shared.runs.folder import RunOwnedError
 from bpn_shared.service import set_up_logging
 from bpn_shared.version import PROTOCOL, VERSION
-from bpn_shared.worker import EXIT_FINISHED, Serve, WorkerProcess, service_name
+from bpn_shared.worker import (
+    EXIT_FINISHED,
+    Serve,
+    Worker,
+    WorkerProcess,
+    WorkFailedError,
+    service_name,
+)
 
 log = logging.getLogger(__name__)
 
@@ -45,10 +53,11 @@ class LeaseLoop:
 
     Args:
         label: where this worker runs (`LeaseRequest`).
+        gpu: whether it has one, if that is of interest.
     """
 
-    def __init__(self, process: WorkerProcess, label: str) -> None:
-        self._process, self._label = process, label
+    def __init__(self, process: WorkerProcess, label: str, gpu: bool | None = None) -> None:
+        self._process, self._label, self._gpu = process, label, gpu
         self._lock = threading.Lock()
         self._lease: Lease | None = None
         self._gave_back: GiveBack | None = None  # until the registry knows
@@ -57,14 +66,14 @@ class LeaseLoop:
     def run(self, serve: Serve) -> int:
         """Works until the process is stopped."""
         process = self._process
-        announced = process.announce(self._place)
-        control = Responder(
-            process.bus, keys.control(process.kind, process.id), self._release, process.counters
-        )
+        key = keys.control(process.kind, process.id)
         threading.Thread(target=self._pass_stop_on, name="stop", daemon=True).start()
-        while (lease := self._next()) is not None:
-            self._work(lease, serve)
-        del announced, control
+        with (
+            process.announced(self._place),
+            Responder(process.bus, key, self._release, process.counters),
+        ):
+            while (lease := self._next()) is not None:
+                self._work(lease, serve)
         return EXIT_FINISHED
 
     def _place(self) -> tuple[UUID | None, int | None]:
@@ -98,6 +107,7 @@ class LeaseLoop:
                 version=VERSION,
                 protocol=PROTOCOL,
                 gave_back=self._gave_back,
+                gpu=self._gpu,
             )
             reply = process.ask(
                 keys.lease_request(),
@@ -133,12 +143,14 @@ class LeaseLoop:
         name = service_name(process.kind, lease.slot)
         set_up_logging(name)
         try:
-            with Bus(process.bus.endpoint, stop=lease.stop, traffic=process.bus.traffic) as bus:
-                token = Token(bus, keys.lease(lease.run, process.kind, lease.slot, process.id))
-                with LogPublisher(bus, lease.run, name):
-                    log.info("%s serves run %s, slot %d", process.id, lease.run, lease.slot)
-                    serve(process.at(lease.run, lease.slot, bus, lease.stop))
-                del token
+            with (
+                process.holding(lease.stop),
+                Bus(process.bus.endpoint, stop=lease.stop, traffic=process.bus.traffic) as bus,
+                Token(bus, keys.lease(lease.run, process.kind, lease.slot, process.id)),
+                LogPublisher(bus, lease.run, name),
+            ):
+                log.info("%s serves run %s, slot %d", process.id, lease.run, lease.slot)
+                _do(serve, process.at(lease.run, lease.slot, bus, lease.stop))
         except ConfigError as error:
             reason = str(error)[:MAX_REASON]
             self._gave_back = GiveBack(run=str(lease.run), slot=lease.slot, reason=reason)
@@ -155,3 +167,18 @@ class LeaseLoop:
     def _pause_after(self, lease: Lease, error: Exception) -> None:
         log.error("gives back the lease of run %s: %s", lease.run, error)
         self._process.stop.wait(_GIVEN_BACK_S)
+
+
+def _do(serve: Serve, worker: Worker) -> None:
+    """Works; whatever goes wrong ends this lease alone.
+
+    Raises:
+        WorkFailedError: something that nobody foresaw.
+    """
+    try:
+        serve(worker)
+    except (BusError, InputError, RunOwnedError):
+        raise
+    except Exception as error:
+        log.exception("%s", one_line(error))
+        raise WorkFailedError(one_line(error)) from error

@@ -153,6 +153,7 @@ class Waiting:
     def __init__(self) -> None:
         self._what: str | None = None
         self._since_s = time.monotonic()
+        self._obstacle: tuple[str, float] | None = None
 
     def set(self, what: str) -> None:
         """From now on the service waits for this."""
@@ -168,7 +169,16 @@ class Waiting:
             )
             self._what = None
 
+    def obstruct(self, what: str | None) -> None:
+        """Names what keeps the service from anything else, such as a lost router; None: nothing does.
+
+        It is not logged: who knows it has said it.
+        """
+        self._obstacle = None if what is None else (what, time.monotonic())
+
     def snapshot(self) -> tuple[str | None, float]:
         """What the service waits for, and for how many seconds it has."""
+        if (obstacle := self._obstacle) is not None:
+            return obstacle[0], time.monotonic() - obstacle[1]
         what, since_s = self._what, self._since_s
         return what, time.monotonic() - since_s if what else 0.0

@@ -1,7 +1,8 @@
 """What a worker is: a process that plays a role, and the place in a run where it plays it."""
 
+import contextlib
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from typing import TypeVar
 from uuid import UUID
@@ -11,9 +12,10 @@ from bpn_shared.backoff import Backoff
 from bpn_shared.bus.ask import OnRefusal, ask
 from bpn_shared.bus.liveliness import AliveToken
 from bpn_shared.bus.requests import Responder
+from bpn_shared.bus.router_watch import RouterWatch
 from bpn_shared.bus.session import Bus
 from bpn_shared.bus.telemetry import TelemetryPublisher
-from bpn_shared.config import RunConfig
+from bpn_shared.config import ConfigError, RunConfig
 from bpn_shared.messages.lease import Role
 from bpn_shared.service import Counters, Waiting
 from bpn_shared.telemetry import Latencies, Place, Reporter, WeightsMarks
@@ -25,6 +27,16 @@ Reply = TypeVar("Reply")
 def service_name(kind: Role, slot: int) -> str:
     """What a worker is called in a run's logs; the learner of rank 0 is the run's learner."""
     return kind if kind == "learner" and slot == 0 else f"{kind}-{slot}"
+
+
+def service_names(config: RunConfig) -> frozenset[str]:
+    """What all workers of a run are called in its logs."""
+    counts: dict[Role, int] = {
+        "learner": config.learners, "edge": config.robots, "robot_sim": config.robots,
+    }  # fmt: skip
+    return frozenset(
+        service_name(kind, slot) for kind, count in counts.items() for slot in range(count)
+    )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,9 +51,26 @@ class WorkerProcess:
     waiting: Waiting = field(default_factory=Waiting)
     latencies: Latencies = field(default_factory=Latencies)
     weights: WeightsMarks = field(default_factory=WeightsMarks)
+    router: RouterWatch | None = None
+    holds_on_s: float | None = None
+    """For how long it holds on to its place without a router; None: as long as it takes."""
 
-    def announce(self, place: Place) -> tuple[AliveToken, Responder, TelemetryPublisher]:
-        """Tells the others that this worker lives, how it is, and answers for its health.
+    @contextlib.contextmanager
+    def holding(self, stop: threading.Event) -> Iterator[None]:
+        """Sets `stop` if the router is lost for too long while the body, the work at a place, runs.
+
+        Raises:
+            RouterLostError: that happened.
+        """
+        if self.router is None or self.holds_on_s is None:
+            yield
+        else:
+            with self.router.holding_for(self.holds_on_s, stop):
+                yield
+
+    @contextlib.contextmanager
+    def announced(self, place: Place) -> Iterator[None]:
+        """Tells the others that this worker lives, how it is, and answers for its health, while the body runs.
 
         Args:
             place: answers with the run and slot that it works on now.
@@ -56,11 +85,14 @@ class WorkerProcess:
             latencies=self.latencies,
             weights=self.weights,
         )
-        return (
-            AliveToken(self.bus, self.kind, self.id),
+        with (
+            contextlib.closing(
+                TelemetryPublisher(self.bus, self.kind, self.id, reporter.report),
+            ),
             Responder(self.bus, keys.health(self.kind, self.id), reporter.answer, self.counters),
-            TelemetryPublisher(self.bus, self.kind, self.id, reporter.report),
-        )
+            AliveToken(self.bus, self.kind, self.id),
+        ):
+            yield
 
     def ask(
         self,
@@ -116,6 +148,10 @@ class Worker(WorkerProcess):
 
     run: UUID
     slot: int
+
+
+class WorkFailedError(ConfigError):
+    """The work at a place failed in a way that nobody foresaw; the message is the exception's, in one line."""
 
 
 Serve = Callable[[Worker], int]

@@ -59,6 +59,24 @@ def test_start_watch_stop_and_resume_a_run(page: Page) -> None:
     expect(page.get_by_text("stopped", exact=True)).to_be_visible()
 
 
+def test_a_gymnasium_environment_is_started_like_any_task(page: Page, watch: Any) -> None:
+    watch.allow("422")
+    page.get_by_role("button", name="Start run").click()
+    dialog = page.get_by_role("dialog", name="Start a run")
+    dialog.get_by_role("radio", name="Gymnasium").check()
+    dialog.get_by_role("button", name="Start run").click()
+    expect(dialog.get_by_text("must be the id of an environment")).to_be_visible()
+    environment = dialog.get_by_label("Environment", exact=True)
+    environment.fill("Pendulum-v1")
+    dialog.get_by_role("button", name="Start run").click()
+    expect(dialog.get_by_text("only discrete ones can be learned")).to_be_visible(timeout=30_000)
+    environment.fill("MountainCar-v0")
+    dialog.get_by_label("Name").fill("a car")
+    dialog.get_by_role("button", name="Start run").click()
+    expect(page.get_by_role("heading", name="a car", level=1)).to_be_visible(timeout=30_000)
+    page.get_by_role("button", name="Stop").click()
+
+
 LINE_PIXELS = """figure => {
   const canvas = figure.querySelector('canvas');
   const { data } = canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height);

@@ -26,6 +26,8 @@ CASES = 300 if os.environ.get("BPN_CHAOS") else 12
 CONFIG = RunConfig.for_task(
     "reaching", seed=5, iterations=5, episodes=2, steps=2, epochs=2, batch=2, nodes=1, datasets=2
 )
+GOLDEN = Path(__file__).parents[1] / "golden"
+GOLDEN_SHA256 = "dd6664fad82efa274249a4fa074d0cac42c0dee7e1361d9dd6904feb12dc0282"
 KINDS = (
     "checkpoint.safetensors", "episodes/*", "metrics.jsonl", "rewards.jsonl", "weights/*",
     "config.json", "state.json", "about.json", "logs/*", ".lock",
@@ -71,6 +73,25 @@ def _signals() -> Iterator[None]:
     yield
     for number, handler in handlers.items():
         signal.signal(number, handler)
+
+
+@pytest.mark.usefixtures("_signals")
+def test_a_run_made_before_there_were_schemas_goes_on_with_the_same_bits(
+    interrupted: Interrupted, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    (golden,) = GOLDEN.glob("schema-1/*")
+    folder = RunFolder(tmp_path / golden.name)
+    shutil.copytree(golden, folder.path)
+    assert not folder.has_sealed_lines()
+    before = folder.metrics()
+    assert main(["train", "--resume", golden.name, "--runs-dir", str(tmp_path), "--json"]) == 0
+    summary = json.loads(capfd.readouterr().out)
+    assert (summary["state"], summary["iterations"]) == ("finished", CONFIG.iterations)
+    assert summary["episodes_lost"] == 0
+    assert (folder.metrics()[:3], folder.state().attempt) == (before, 2)
+    # Bits are equal on machines of one type: where this one's are its maker's, the resumed run's are, too.
+    like_its_maker = interrupted.weights_sha256 == GOLDEN_SHA256
+    assert (summary["weights_sha256"] == GOLDEN_SHA256) == like_its_maker
 
 
 def damage(path: Path, chance: random.Random) -> str:

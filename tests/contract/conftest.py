@@ -10,6 +10,7 @@ import pytest
 import uvicorn
 from fastapi import FastAPI
 from live_view import OpenBus, Server, Tab, WaitFor
+from loop_parts import Running
 from registry_world import Puppet, Registry
 
 from bpn_dashboard.access.guard import Guard
@@ -35,7 +36,7 @@ def server(open_bus: OpenBus, tmp_path: Path, wait_for: WaitFor) -> Iterator[Ser
 
     app = FastAPI(lifespan=lifespan)
     app.include_router(
-        live_route(lambda: made.view, lambda _connection: made.allowed, session_period_s=0.05)
+        live_route(lambda: made.view, lambda _connection: made.owner, session_period_s=0.05)
     )
     running = uvicorn.Server(
         uvicorn.Config(Guard(app), port=0, log_level="error", **UVICORN_OPTIONS)
@@ -61,6 +62,20 @@ def tab(server: Server) -> Iterator[Callable[..., Tab]]:
     yield open_tab
     for each in opened:
         each.close()
+
+
+@pytest.fixture
+def running(open_bus: OpenBus) -> Iterator[Callable[..., Running]]:
+    """Starts services that end with the test, and must end well."""
+    started: list[Running] = []
+
+    def start(*arguments: Any) -> Running:
+        started.append(Running(open_bus(), *arguments))
+        return started[-1]
+
+    yield start
+    for each in started:
+        each.end()
 
 
 @pytest.fixture

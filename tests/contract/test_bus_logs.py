@@ -10,14 +10,17 @@ from bpn_shared.bus import logs
 from bpn_shared.bus.latest import LatestPublisher
 from bpn_shared.bus.logs import LogCollector, LogPublisher
 from bpn_shared.bus.session import Bus
+from bpn_shared.config import RunConfig
+from bpn_shared.worker import service_names
 
 RUN = UUID(int=1)
+SERVICES = service_names(RunConfig())
 
 
 def test_what_a_leased_worker_logs_reaches_the_run_folder(
     open_bus: Callable[[], Bus], tmp_path: Path, wait_for: Callable[..., None]
 ) -> None:
-    collector = LogCollector(open_bus(), RUN, tmp_path)
+    collector = LogCollector(open_bus(), RUN, tmp_path, SERVICES)
     file = tmp_path / "edge-0.log"
     logger = logging.getLogger("somewhere")
     with LogPublisher(open_bus(), RUN, "edge-0"):
@@ -38,14 +41,25 @@ def test_no_line_becomes_another_file_and_no_file_grows_without_end(
     open_bus: Callable[[], Bus], tmp_path: Path, wait_for: Callable[..., None],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:  # fmt: skip
-    monkeypatch.setattr(logs, "MAX_FILE_BYTES", 100)
+    monkeypatch.setattr(logs, "MAX_RUN_BYTES", 600)  # of three services
     folder = tmp_path / "logs"
     folder.mkdir()
-    collector = LogCollector(open_bus(), RUN, folder)
+    collector = LogCollector(open_bus(), RUN, folder, SERVICES)
     bus = open_bus()
     publishers = {
         name: LatestPublisher(bus, keys.log(RUN, name), "frame")
-        for name in ("..", "edge-0", "Edge-0", "state.json", "edge-0.log")
+        for name in (
+            "..",
+            "edge-0",
+            "Edge-0",
+            "state.json",
+            "edge-0.log",
+            "edge-1",
+            "edge-00",
+            "edge",
+            "robot_sim-9",
+            "robot_sim-" + "1" * 250,
+        )
     }
 
     def send() -> bool:
@@ -57,7 +71,7 @@ def test_no_line_becomes_another_file_and_no_file_grows_without_end(
     wait_for(send, "lines")
     for _ in range(20):
         send()
-    assert (folder / "edge-0.log").stat().st_size < 2 * 100
+    assert (folder / "edge-0.log").stat().st_size <= 200
     assert [path.name for path in folder.iterdir()] == ["edge-0.log"]
     assert [path.name for path in tmp_path.iterdir()] == ["logs"]
     del collector
@@ -69,7 +83,7 @@ def test_lines_that_cannot_be_written_are_said_to_be_lost_once(
 ) -> None:  # fmt: skip
     folder = tmp_path / "logs"
     folder.symlink_to("/nowhere/logs")
-    with LogCollector(open_bus(), RUN, folder) as collector:
+    with LogCollector(open_bus(), RUN, folder, SERVICES) as collector:
         publisher = LatestPublisher(open_bus(), keys.log(RUN, "edge-0"), "frame")
 
         def lost(count: int) -> bool:

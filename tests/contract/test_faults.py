@@ -1,8 +1,7 @@
 """Episodes that cannot be had: the learner is told why, and edge and robot live on."""
 
 import re
-import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -11,125 +10,22 @@ import numpy as np
 import pytest
 from gymnasium.spaces import Box, Discrete
 from learner_side import RUN, LearnerSide
+from loop_parts import EvilRobot, Headers, Running
 
 from bpn.evaluation.host import EVALUATION, TrialHost
 from bpn_edge import memory as edge_memory
 from bpn_edge import service as edge
 from bpn_edge.kernel.native import NativeKernel
 from bpn_robot_sim import service as robot_sim
-from bpn_shared import keys
 from bpn_shared.bnn import golden
 from bpn_shared.bnn.blob import BlobError, WeightBlob
-from bpn_shared.bus.latest import LatestPublisher, LatestSubscriber
-from bpn_shared.bus.requests import Responder
 from bpn_shared.bus.session import Bus
 from bpn_shared.config import RunConfig
-from bpn_shared.messages.action import Action
-from bpn_shared.messages.control import Reset, ResetReply
 from bpn_shared.messages.frame import FrameHeader, FrameKind
-from bpn_shared.messages.lease import Role
 from bpn_shared.seeds import episode_seed
-from bpn_shared.service import Counters
-from bpn_shared.worker import Worker
 
 REACHING = RunConfig.for_task("reaching", nodes=16, steps=3)
 OpenBus = Callable[[], Bus]
-
-
-class Running:
-    """A service on a thread of this process."""
-
-    def __init__(
-        self, bus: Bus, kind: Role, serve: Callable[[Worker, RunConfig], int], config: RunConfig
-    ) -> None:
-        self.worker = Worker(
-            kind=kind,
-            id=f"{kind.replace('_', '-')}-1",
-            bus=bus,
-            stop=threading.Event(),
-            run=RUN,
-            slot=0,
-        )
-        self.status: list[int] = []
-        self._thread = threading.Thread(
-            target=lambda: self.status.append(serve(self.worker, config))
-        )
-        self._thread.start()
-
-    @property
-    def counters(self) -> dict[str, int]:
-        return self.worker.counters.snapshot()
-
-    @property
-    def alive(self) -> bool:
-        return self._thread.is_alive()
-
-    def end(self) -> None:
-        self.worker.stop.set()
-        self._thread.join(20)
-        assert self.status == [0]
-
-
-@pytest.fixture
-def running(open_bus: OpenBus) -> Iterator[Callable[..., Running]]:
-    """Starts services that end with the test, and must end well."""
-    started: list[Running] = []
-
-    def start(*arguments: Any) -> Running:
-        started.append(Running(open_bus(), *arguments))
-        return started[-1]
-
-    yield start
-    for each in started:
-        each.end()
-
-
-Headers = Callable[[FrameHeader, int], FrameHeader]
-
-
-class EvilRobot:
-    """Plays the robot's part, but for what `bend` makes of its headers."""
-
-    def __init__(self, bus: Bus, config: RunConfig, bend: Headers) -> None:
-        self._config, self.bend = config, bend
-        self._frames = LatestPublisher(bus, keys.frame(RUN, 0), "frame")
-        self._actions = LatestSubscriber(bus, keys.action(RUN, 0))
-        self._reset: Reset | None = None
-        self._stop = threading.Event()
-        self._responder = Responder(bus, keys.reset(RUN, 0), self._on_reset, Counters())
-        self._thread = threading.Thread(target=self._play)
-        self._thread.start()
-
-    def _on_reset(self, body: bytes) -> bytes:
-        self._reset = Reset.decode(body)
-        self._actions.wake()
-        return ResetReply(reset_id=self._reset.reset_id).encode()
-
-    def _play(self) -> None:
-        step, applied, mine = 0, 255, None
-        while not self._stop.is_set():
-            reset = self._reset
-            if reset is not mine:
-                mine, step, applied = reset, 0, 255
-            if reset is not None:
-                last = step == self._config.steps
-                kind = FrameKind.FIRST if step == 0 else FrameKind.LAST if last else FrameKind.MID
-                header = FrameHeader(
-                    kind, reset.iteration, reset.episode, step, reset.reset_id, 1, applied, 1, 0,
-                    reward=0.5,
-                )  # fmt: skip
-                header = self.bend(header, step)
-                pixels = np.full((1, 84, 84), step, np.uint8).tobytes()
-                self._frames.put(pixels, header.encode())
-            sample = self._actions.take(0.1)
-            if sample is not None and mine is not None:
-                action = Action.decode(sample.payload, self._config.task_spec.actions)
-                if (action.reset_id, action.step) == (mine.reset_id, step):
-                    step, applied = step + 1, action.action
-
-    def end(self) -> None:
-        self._stop.set()
-        self._thread.join(10)
 
 
 def good(header: FrameHeader, _step: int) -> FrameHeader:

@@ -90,7 +90,7 @@ def test_without_a_session_nothing_is_told(
 ) -> None:
     page = tab()
     page.subscribe("topology")
-    server.allowed = False
+    server.owner = None
     assert page.closed_with() == websocket.CLOSE_NO_SESSION  # the session ended meanwhile
     stranger = tab(hello=False)
     assert stranger.closed_with() == websocket.CLOSE_NO_SESSION
@@ -147,5 +147,31 @@ def test_there_is_room_for_a_hundred(
 ) -> None:
     monkeypatch.setattr("bpn_dashboard.hub.hub.MAX_CLIENTS", 2)
     tab(), tab()
-    assert tab(hello=False).closed_with() == websocket.CLOSE_FULL
+    silent = [tab(hello=False) for _ in range(3)]  # they take no place
+    assert server.view.clients == 2
+    late = tab(hello=False)
+    late.say(op="hello", proto=1)
+    assert late.closed_with() == websocket.CLOSE_FULL
     assert server.counters.snapshot()["live_clients_refused"] == 1
+    for each in silent:
+        each.close()
+
+
+def test_one_session_leaves_places_to_others(
+    server: Server, tab: Callable[..., Tab], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("bpn_dashboard.hub.hub.MAX_CLIENTS_OF_ONE", 2)
+    tab(), tab()
+    third = tab(hello=False)
+    third.say(op="hello", proto=1)
+    assert third.closed_with() == websocket.CLOSE_FULL
+    server.owner = "somebody else"
+    tab()
+    assert server.view.clients == 3
+
+
+def test_who_never_says_hello_is_sent_away(
+    tab: Callable[..., Tab], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(websocket, "_HELLO_DEADLINE_S", 0.2)
+    assert tab(hello=False).closed_with() == websocket.CLOSE_PROTOCOL

@@ -44,7 +44,9 @@ def test_a_place_that_nobody_can_use_fails_the_run_with_the_reason(
 ) -> None:
     monkeypatch.setattr(leased, "_GIVEN_BACK_S", 0.05)
     row = registry.store.create(CONFIG, actor="test")
-    hire("learner").work(wait_for)
+    learner = hire("learner")
+    learner.work(wait_for)
+    registry.store.folder(row.id).set_state("running", new_attempt=True)
     stop, tries = threading.Event(), []
     process = WorkerProcess(kind="edge", id="edge-unable", bus=open_bus(), stop=stop)
 
@@ -63,6 +65,14 @@ def test_a_place_that_nobody_can_use_fails_the_run_with_the_reason(
     assert error.startswith("edge 0 of the run was given back 3 times in a row in iteration 0")
     assert f"the last time by edge-unable: {REASON}" in error
     assert tries == [0, 0, 0]
+    wait_for(lambda: learner.released, "its learner to be told")
+    assert learner.released[0].reason == error
+    learner.give_back()
+    wait_for(lambda: state_of(registry, row) == "failed", "the run to fail")
+    assert registry.store.get(row.id).error == error
+    registry.store.request_resume(row.id, "test")
+    wait_for(lambda: state_of(registry, row) == "queued", "the run to be tried again")
+    assert registry.running.desk.given_up() == {}
 
 
 def test_who_can_use_a_place_gets_it_before_who_gave_it_back(

@@ -124,8 +124,9 @@ def test_runs_are_started_listed_and_exported_from_the_command_line(
         output = tmp_path / "series.csv"
 
         def exported() -> bool:
-            arguments = ["--metrics", "loss", "--output", str(output)]
-            bpn("export", made["id"], *arguments)
+            arguments = ["--metrics", "loss", "--output", str(output), "--runs-dir", str(tmp_path)]
+            if main(["runs", "export", made["id"], *arguments]) != 0:
+                return False  # no run has that metric yet
             return ",0,0.5" in output.read_text()
 
         wait_for(exported, "the point in the export", DEADLINE_S)
@@ -239,7 +240,7 @@ def test_over_tls_pages_commands_and_the_live_view_work_with_a_self_made_certifi
         with browser:
             answer = browser.post("/api/v1/session", json={"token": link})
             cookie = answer.headers["set-cookie"]
-            assert cookie.startswith("__Host-bpn_session=")
+            assert cookie.startswith("__Host-bpn_session_")
             assert "Secure" in cookie
             assert browser.get("/").is_success
             assert browser.get("/api/v1/session").json()["role"] == "admin"
@@ -252,3 +253,73 @@ def test_over_tls_pages_commands_and_the_live_view_work_with_a_self_made_certifi
             with pytest.raises(ConnectionClosed):
                 socket.recv(DEADLINE_S)
             assert socket.close_code == 4503  # logged in, and there is no bus
+
+
+def refused(*options: str, environment: dict[str, str] | None = None) -> str:
+    """What a dashboard says that ends at once for a wrong start."""
+    done = subprocess.run(
+        [sys.executable, "-m", "bpn_dashboard", "--port", "0", *options],
+        capture_output=True, text=True, timeout=DEADLINE_S, check=False,
+        env=os.environ | (environment or {}),
+    )  # fmt: skip
+    assert done.returncode == 2
+    assert "Traceback" not in done.stderr
+    (line,) = [line for line in done.stderr.splitlines() if " ERROR " in line]
+    return line
+
+
+def test_a_second_dashboard_of_a_state_folder_ends_and_names_the_first(tmp_path, wait_for) -> None:
+    with dashboard(tmp_path, wait_for) as (process, client, _):
+        line = refused("--runs-dir", str(tmp_path))
+        assert f"in use by the dashboard at {str(client.base_url).rstrip('/')}" in line
+        assert f"(pid {process.pid})" in line
+        assert client.get("/healthz").is_success
+        process.send_signal(signal.SIGKILL)  # which frees the folder
+        process.wait(DEADLINE_S)
+    with dashboard(tmp_path, wait_for):
+        pass
+
+
+@pytest.mark.parametrize("offset", [0, 4096])
+def test_a_damaged_database_is_one_line_with_the_remedy(tmp_path, wait_for, offset: int) -> None:
+    with dashboard(tmp_path, wait_for) as (process, _, _):
+        process.terminate()
+        assert process.wait(DEADLINE_S) == 0
+    file = tmp_path / ".dashboard.sqlite"
+    with file.open("r+b") as database:
+        database.seek(offset)
+        database.write(b"\x5a" * 4096)
+    line = refused("--runs-dir", str(tmp_path))
+    assert f"{file} is damaged" in line
+    assert "delete the file" in line
+    assert "reindex" in line
+
+
+def test_a_router_that_needs_certificates_is_refused_at_once_without_them(tmp_path) -> None:
+    options = ("--runs-dir", str(tmp_path), "--connect", "tls/127.0.0.1:7999")
+    assert "needs certificates" in refused(*options, environment={"BPN_CERTIFICATES": ""})
+
+
+def test_of_two_dashboards_on_a_router_the_second_is_read_only_until_the_first_is_gone(
+    tmp_path, wait_for, endpoint: str
+) -> None:
+    run = {"config": {"task": "reaching"}}
+
+    def ready(client: httpx.Client) -> str:
+        answer = client.get("/readyz")
+        return "" if answer.is_success else str(answer.json()["detail"])
+
+    with dashboard(tmp_path / "one", wait_for, "--connect", endpoint) as (first, one, _):
+        wait_for(lambda: not ready(one), "the first to serve", DEADLINE_S)
+        with dashboard(tmp_path / "two", wait_for, "--connect", endpoint) as (_, two, _):
+            sentence = f"pid {first.pid}) serves this router: read-only"
+            wait_for(lambda: sentence in ready(two), "the second to see the first", DEADLINE_S)
+            answer = two.post("/api/v1/runs", json=run)
+            assert answer.status_code == 409
+            assert sentence in answer.json()["detail"]
+            assert sentence in two.get("/api/v1/system/status").json()["read_only"]
+            assert two.get("/api/v1/runs").json()["total"] == 0
+            assert one.post("/api/v1/runs", json=run).status_code == 201
+            first.send_signal(signal.SIGKILL)
+            wait_for(lambda: not ready(two), "the second to take over", DEADLINE_S)
+            assert two.post("/api/v1/runs", json=run).status_code == 201

@@ -1,6 +1,7 @@
 """`bpn eval` with real processes: what is played, in both pacings, and what is written."""
 
 import json
+import os
 import subprocess
 import threading
 from collections.abc import Callable
@@ -136,6 +137,14 @@ def test_the_command_reports_films_and_draws(
     [
         (["--video", "film.avi"], "--video film.avi: the name must end with one of .mp4, .gif"),
         (["--plot", "paths"], "--plot paths: the name must end with one of .png"),
+        (
+            ["--plot", "/nonexist/x.png"],
+            "--plot /nonexist/x.png: there is no folder /nonexist; make it",
+        ),
+        (
+            ["--video", "/nonexist/x.mp4"],
+            "--video /nonexist/x.mp4: there is no folder /nonexist; make it",
+        ),
         (["--trials", "0"], "--trials = 0 must be at least 1"),
         (["--action-delay-ms", "4"], "action_delay_ms = 4.0 means nothing in lockstep"),
         (["--version", "7"], "--version 7: not in"),
@@ -151,3 +160,33 @@ def test_wrong_input_is_refused_before_anything_is_played(
     assert done.returncode == 2
     assert message in done.stderr
     assert "Traceback" not in done.stderr
+
+
+def test_a_result_survives_that_its_film_cannot_be_written(
+    tracking_run: RunFolder, command: Callable[..., list[str]], tmp_path: Path
+) -> None:
+    film = tmp_path / "film.gif"
+    film.symlink_to("/dev/full")
+    done = subprocess.run(
+        command(
+            "eval", str(tracking_run.run), "--runs-dir", str(tracking_run.path.parent),
+            "--trials", "1", "--video", str(film), "--json",
+        ),
+        capture_output=True, text=True, timeout=120, check=False,
+    )  # fmt: skip
+    assert done.returncode == 1
+    assert json.loads(done.stdout)["trials"] == 1
+    assert done.stderr.splitlines()[-1].startswith(f"bpn: --video {film} could not be written: ")
+    assert "Traceback" not in done.stderr
+
+
+def test_a_result_is_told_to_a_terminal_of_ascii(
+    tracking_run: RunFolder, command: Callable[..., list[str]]
+) -> None:
+    done = subprocess.run(
+        command("eval", str(tracking_run.run), "--runs-dir", str(tracking_run.path.parent), "--trials", "2"),
+        capture_output=True, text=True, timeout=120, check=True,
+        env=os.environ | {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"},
+    )  # fmt: skip
+    assert done.stdout.isascii()
+    assert " +- " in done.stdout

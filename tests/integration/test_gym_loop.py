@@ -42,6 +42,7 @@ def test_rewards_travel_with_the_frames_and_are_the_return(cartpole: dict[str, A
         assert record["returns"] == pytest.approx([e.rewards.sum() for e in episodes])
         assert record["terminated"] == sum(episode.meta.terminated for episode in episodes)
         assert "return_px" not in record
+        assert "successes" not in record  # CartPole does not say what success is
     assert cartpole["returns"] == [
         pytest.approx(np.mean(record["returns"]), abs=1e-3) for record in folder.metrics()
     ]
@@ -59,6 +60,19 @@ def test_eval_reports_it_without_pixels(cartpole: dict[str, Any], command: Comma
     assert all(value > 2 for value in result["returns"])
     assert "tracking_time" not in result
     assert "return_px" not in result
+    assert (result["success_share"], result["successes"]) == (None, [None, None])
+    assert result["terminated"] == sum(length < 12 for length in result["lengths"])
+
+
+def test_eval_prints_no_success_where_nobody_defines_it(
+    cartpole: dict[str, Any], command: Command
+) -> None:
+    done = subprocess.run(
+        command("eval", cartpole["run_id"], "--runs-dir", cartpole["runs_dir"], "--trials", "1"),
+        capture_output=True, text=True, timeout=60, check=True,
+    )  # fmt: skip
+    (line,) = (line for line in done.stdout.splitlines() if line.startswith("success"))
+    assert line.split() == ["success", "n/a"]
 
 
 def test_what_cannot_be_a_task_is_said_before_anything_starts(
@@ -70,4 +84,19 @@ def test_what_cannot_be_a_task_is_said_before_anything_starts(
     )  # fmt: skip
     assert done.returncode == 2
     assert "only discrete ones can be learned" in done.stderr
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_plot_that_nobody_can_draw_is_refused_before_anything_is_played(
+    cartpole: dict[str, Any], command: Command, tmp_path: Path
+) -> None:
+    done = subprocess.run(
+        command(
+            "eval", cartpole["run_id"], "--runs-dir", cartpole["runs_dir"],
+            "--plot", str(tmp_path / "a.png"), "--video", str(tmp_path / "b.gif"),
+        ),
+        capture_output=True, text=True, timeout=60, check=False,
+    )  # fmt: skip
+    assert done.returncode == 2
+    assert "no trajectories are known of task 'gym:CartPole-v1'" in done.stderr
     assert not list(tmp_path.iterdir())

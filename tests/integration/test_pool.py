@@ -16,10 +16,12 @@ import pytest
 
 from bpn.dashboard import Dashboard
 from bpn.options import add_run_options
+from bpn_learner.initial import has_gpu
 from bpn_shared import keys
 from bpn_shared.bus.liveliness import TokenWatch
 from bpn_shared.bus.requests import request
 from bpn_shared.bus.session import Bus
+from bpn_shared.errors import InputError
 from bpn_shared.runs.folder import RunFolder
 
 LONG_S = 150.0
@@ -223,6 +225,24 @@ def test_train_goes_through_the_dashboard(
     assert result["stderr"].count("iteration ") == 4  # one line each
     assert result.keys() == undisturbed.keys()
     assert pool.dashboard.run(result["run_id"])["state"] == "finished"
+
+
+def test_a_run_for_a_gpu_is_taken_only_where_a_learner_has_one(
+    pool: Pool, wait_for: WaitFor
+) -> None:
+    said: list[str] = []
+
+    def refused() -> bool:
+        try:
+            made = pool.dashboard.create_run({"task": "reaching", "device": "cuda"})
+        except InputError as error:
+            said.append(str(error))
+            return "at any of the 2 connected learners" in said[-1]
+        pool.dashboard.stop(made["id"])
+        return has_gpu()
+
+    wait_for(refused, "both learners to have told whether they have a GPU", LONG_S)
+    assert has_gpu() or "torch finds no GPU" in said[-1]
 
 
 def test_ctrl_c_stops_a_run_that_goes_through_the_dashboard(

@@ -129,6 +129,49 @@ def test_what_is_good_stays_and_what_is_not_is_made_anew(tmp_path: Path) -> None
     assert make(tmp_path, days=50, server_names=["router", "127.0.0.1"]) == [ROUTER, *ROLES]
 
 
+def names_of(folder: Path) -> set[str]:
+    certificate = Identity.from_pem(
+        (folder / CERTIFICATE).read_bytes(), (folder / KEY).read_bytes()
+    ).certificate
+    return x509.server_names(certificate)
+
+
+def test_a_router_keeps_the_names_that_it_was_given_and_another_has_its_own(tmp_path: Path) -> None:
+    assert main([str(tmp_path), "--server-name", "center.example"]) == 0
+    center = (tmp_path / ROUTER / CERTIFICATE).read_bytes()
+    assert main([str(tmp_path)]) == 0
+    assert main([str(tmp_path), "--router", "site-a", "--server-name", "a.example"]) == 0
+    assert (tmp_path / ROUTER / CERTIFICATE).read_bytes() == center
+    assert names_of(tmp_path / "site-a") == {"a.example"}
+    assert main([str(tmp_path), "--server-name", "192.0.2.1"]) == 0
+    assert names_of(tmp_path / ROUTER) == {"center.example", "192.0.2.1"}
+    site_a = (tmp_path / "site-a" / CERTIFICATE).read_bytes()
+    (tmp_path / "authority" / KEY).unlink()  # all certificates are made anew, those of sites too
+    assert main([str(tmp_path)]) == 0
+    assert (tmp_path / "site-a" / CERTIFICATE).read_bytes() != site_a
+    assert names_of(tmp_path / "site-a") == {"a.example"}
+    common_name = x509.NameOID.COMMON_NAME
+    for folder in (ROUTER, "site-a"):  # what access control knows a router by
+        subject = Identity.from_pem(
+            (tmp_path / folder / CERTIFICATE).read_bytes(), (tmp_path / folder / KEY).read_bytes()
+        ).certificate.subject
+        assert subject.get_attributes_for_oid(common_name)[0].value == ROUTER
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [["--router", "edge"], ["--router", "../x"], ["--router", ""], ["--days", "0"],
+     ["--days", "nan"], ["--days", "1e9"]],
+)  # fmt: skip
+def test_wrong_options_are_named_and_make_nothing(
+    wrong: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit):
+        main([str(tmp_path / "certificates"), *wrong])
+    assert wrong[0] in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())
+
+
 def test_a_new_authority_makes_all_certificates_anew(tmp_path: Path) -> None:
     make(tmp_path, days=10, server_names=["router"])
     (tmp_path / "authority" / KEY).unlink()

@@ -1,5 +1,6 @@
 """A TCP relay that counts what crosses it: the line between two sites."""
 
+import contextlib
 import socket
 import threading
 from types import TracebackType
@@ -35,7 +36,13 @@ class CountingProxy:
         error: BaseException | None,
         traceback: TracebackType | None,
     ) -> None:
+        self.cut()
+
+    def cut(self) -> None:
+        """Ends all connections and takes no more."""
         for connection in self._open:
+            with contextlib.suppress(OSError):  # closed at the other end
+                connection.shutdown(socket.SHUT_RDWR)  # wakes the thread that waits in it
             connection.close()
 
     def _accept(self) -> None:

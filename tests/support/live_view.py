@@ -35,7 +35,7 @@ class Server:
     runs_dir: Path
     port: int = 0
     hub: Hub | None = None
-    allowed: bool = True
+    owner: str | None = "somebody"
     counters: Counters = field(default_factory=Counters)
 
     @property

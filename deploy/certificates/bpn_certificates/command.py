@@ -4,13 +4,15 @@ Run it before the services start, as often as you like: what is good stays as it
 """
 
 import argparse
+import re
 import sys
 from pathlib import Path
 
-from bpn_certificates.folders import make
+from bpn_certificates.folders import AUTHORITY_FOLDER, SERVER_NAMES, make
+from bpn_shared.access import ROLES, ROUTER
 
-DAYS = 365.0
-SERVER_NAMES = ("router", "localhost", "127.0.0.1")
+DAYS, DAYS_AT_MOST = 365.0, 3650.0
+_FOLDER_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}")
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -24,12 +26,27 @@ def main(argv: list[str] | None = None) -> int:
         "--server-name",
         action="append",
         metavar="NAME",
-        help=f"a DNS name or address of the router (default {', '.join(SERVER_NAMES)})",
+        default=[],
+        help="a DNS name or address of the router, beside those that its certificate has already "
+        f"(default {', '.join(SERVER_NAMES)})",
+    )
+    parser.add_argument(
+        "--router",
+        metavar="FOLDER",
+        default=ROUTER,
+        help="the router that is meant: each site's has a folder of its own (default %(default)s)",
     )
     options = parser.parse_args(argv)
+    if not 0 < options.days <= DAYS_AT_MOST:
+        parser.error(f"--days {options.days} must be above 0 and at most {DAYS_AT_MOST}")
+    if not _FOLDER_NAME.fullmatch(options.router) or options.router in (*ROLES, AUTHORITY_FOLDER):
+        parser.error(f"--router {options.router!r} cannot be the name of a router's folder")
     try:
         made = make(
-            options.folder, days=options.days, server_names=options.server_name or SERVER_NAMES
+            options.folder,
+            days=options.days,
+            server_names=options.server_name,
+            router=options.router,
         )
     except OSError as error:
         print(f"bpn-certificates: {error}", file=sys.stderr)

@@ -12,22 +12,28 @@ from bpn_shared.bus.certificates import AUTHORITY, CERTIFICATE, KEY
 
 AUTHORITY_FOLDER = "authority"
 AUTHORITY_DAYS = 3650.0
+SERVER_NAMES = ("router", "localhost", "127.0.0.1")
+"""Of a router that nobody named: as compose calls it, and on its own machine."""
 
 
-def make(folder: Path, *, days: float, server_names: Sequence[str]) -> list[str]:
-    """Brings the folders of all roles up to date.
+def make(
+    folder: Path, *, days: float, server_names: Sequence[str] = (), router: str = ROUTER
+) -> list[str]:
+    """Brings the folders of all roles up to date, and those of further routers that were made before.
 
-    A certificate is made anew when it is missing, damaged, not of this authority, not for these server
-    names, or when less than a quarter of `days` is left of it.
+    A certificate is made anew when it is missing, damaged, not of this authority, lacks a server name, or when
+    less than a quarter of `days` is left of it.
 
     Args:
         folder: holds a folder for the authority, which only who makes certificates may read, and one
             for each role, with the authority's certificate, its own and its key.
         days: how long a certificate is good.
-        server_names: by which clients reach the router.
+        server_names: by which clients reach the router, beside the names that its certificate has already; those
+            of `SERVER_NAMES` if it would have none.
+        router: the folder of the router that these names are for; each site's router has its own.
 
     Returns:
-        The roles whose certificates are new; `authority` first if that is.
+        The folders whose certificates are new; `authority` first if that is.
     """
     renewed: list[str] = []
     authority = _load(folder / AUTHORITY_FOLDER)
@@ -35,14 +41,28 @@ def make(folder: Path, *, days: float, server_names: Sequence[str]) -> list[str]
         authority = x509.new_authority("bpn authority", Validity.of_days(AUTHORITY_DAYS))
         _store(folder / AUTHORITY_FOLDER, authority, authority)
         renewed.append(AUTHORITY_FOLDER)
-    for role in (ROUTER, *ROLES):
-        names = server_names if role == ROUTER else ()
-        present = _load(folder / role)
+    routers = _routers(folder) | {router: set(server_names) | _names(folder / router)}
+    for name in (*routers, *ROLES):
+        names = sorted(routers[name] or SERVER_NAMES) if name in routers else []
+        present = _load(folder / name)
         if present is None or not _is_good(present, authority, names, days):
+            role = ROUTER if name in routers else name
             new = x509.issue(authority, role, Validity.of_days(days), server_names=names)
-            _store(folder / role, new, authority)
-            renewed.append(role)
+            _store(folder / name, new, authority)
+            renewed.append(name)
     return renewed
+
+
+def _routers(folder: Path) -> dict[str, set[str]]:
+    """The folders of routers that were made before, and the names of each."""
+    found = {path.name: _names(path) for path in sorted(folder.glob("*")) if path.is_dir()}
+    return {name: names for name, names in found.items() if names}
+
+
+def _names(folder: Path) -> set[str]:
+    """The server names of the certificate in a folder, whatever else is wrong with it."""
+    identity = _load(folder)
+    return set() if identity is None else x509.server_names(identity.certificate)
 
 
 def _is_good(identity: Identity, authority: Identity, names: Sequence[str], days: float) -> bool:

@@ -9,11 +9,13 @@ from typing import Any, Self
 import httpx
 
 from bpn.errors import CommandError
-from bpn_shared.config import ConfigError
+from bpn_shared.errors import InputError
 
 ADDRESS_FILE = ".dashboard.json"
 _TIMEOUT_S = 10.0
 _FIND_TIMEOUT_S = 2.0
+_CREATE_TIMEOUT_S = 90.0
+"""A robot worker may have to open an environment first."""
 
 
 class DashboardError(CommandError):
@@ -80,7 +82,7 @@ class Dashboard:
         """The run of that id, or of which it is the unique beginning or end.
 
         Raises:
-            ConfigError: there is none, or there are several.
+            InputError: there is none, or there are several.
         """
         found = [
             run
@@ -90,7 +92,7 @@ class Dashboard:
         ]
         if len(found) != 1:
             count = f"{len(found)} runs match" if found else "no run matches"
-            raise ConfigError(f"{count} {text!r}; `bpn runs ls` shows them")
+            raise InputError(f"{count} {text!r}; `bpn runs ls` shows them")
         return dict(found[0])
 
     def create_run(
@@ -102,7 +104,7 @@ class Dashboard:
             config: the task, and what is changed from its preset.
         """
         body = {"config": config, "name": name, "tags": list(tags)}
-        return self._call("POST", "/runs", json=body)
+        return self._call("POST", "/runs", json=body, timeout=_CREATE_TIMEOUT_S)
 
     def metrics(self, run_id: str) -> list[str]:
         """The names of a run's metrics."""
@@ -141,7 +143,7 @@ class Dashboard:
         """One request.
 
         Raises:
-            ConfigError: the dashboard refuses what was sent.
+            InputError: the dashboard refuses what was sent.
             DashboardError: it refuses for another reason.
             DashboardAwayError: it does not answer.
         """
@@ -157,13 +159,13 @@ class Dashboard:
     def _away(self, error: httpx.HTTPError) -> DashboardAwayError:
         return DashboardAwayError(f"the dashboard at {self.url} does not answer: {error}")
 
-    def _refusal(self, response: httpx.Response) -> ConfigError | DashboardError:
+    def _refusal(self, response: httpx.Response) -> InputError | DashboardError:
         problem = response.json() if "json" in response.headers.get("content-type", "") else {}
         reason = str(problem.get("detail") or f"HTTP status {response.status_code}")
         wrong = [f"{item['location']}: {item['message']}" for item in problem.get("errors", ())]
         reason = "\n".join([f"the dashboard at {self.url}: {reason}", *wrong])
         if response.status_code in (400, 422):
-            return ConfigError(reason)
+            return InputError(reason)
         return DashboardError(reason, response.status_code)
 
 

@@ -9,6 +9,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from shutil import disk_usage
 from typing import Any
 from uuid import UUID
 
@@ -21,9 +22,10 @@ from bpn.errors import CommandError
 from bpn.stall_notice import LocalStalls, StallNotice
 from bpn.supervisor import Supervisor, services_of_run
 from bpn_shared.bus.metrics import MetricsSubscriber
-from bpn_shared.bus.session import Bus
+from bpn_shared.bus.session import Bus, BusError
 from bpn_shared.bus.telemetry import TelemetryWatch
 from bpn_shared.config import ConfigError, RunConfig
+from bpn_shared.errors import InputError
 from bpn_shared.messages.metrics import MetricsBatch
 from bpn_shared.runs.folder import RunFolder, RunOwnedError, State
 from bpn_shared.service import Counters
@@ -31,6 +33,7 @@ from bpn_shared.service import Counters
 log = logging.getLogger(__name__)
 
 
+_FULL_BYTES = 2**20
 _POLL_S = 0.2
 _QUEUED_S = 3.0
 _STOP_S = 10.0
@@ -38,7 +41,7 @@ _AWAY_S = 60.0
 
 
 class RunFailedError(CommandError):
-    """The run cannot go on; the message says which service failed and where its log is."""
+    """The run cannot go on; the message says which service failed, why, and where its log is."""
 
 
 def new_run(runs_dir: Path, config: RunConfig) -> RunFolder:
@@ -111,11 +114,20 @@ def run_to_end(
     finally:
         supervisor.stop()
         end: State = "failed" if supervisor.failure else "stopped"
-        with contextlib.suppress(RunOwnedError):  # by a learner elsewhere, which says how it ends
-            folder.settle(end, error=supervisor.failure, by="bpn train")
-    if supervisor.failure:
-        reason = folder.state().error
-        raise RunFailedError(f"{supervisor.failure} in {folder.logs}\n{reason}".rstrip())
+        failure = supervisor.failure and f"{supervisor.failure}{_of_full_disk(folder.path)}"
+        try:
+            folder.settle(end, error=failure, by="bpn train")
+        except RunOwnedError:
+            pass  # a learner elsewhere has it, which says how it ends
+        except OSError as error:  # what failed before is to be told, not this alone
+            log.error("the run's state could not be written: %s", error)
+    if failure:
+        raise RunFailedError(f"run {folder.run} failed: {failure}")
+
+
+def _of_full_disk(path: Path) -> str:
+    """What a log cannot say where the disk is full."""
+    return f": no space left on the disk of {path}" if disk_usage(path).free < _FULL_BYTES else ""
 
 
 def follow(dashboard: Dashboard, folder: RunFolder, *, stop: threading.Event, out: Console) -> None:
@@ -178,15 +190,18 @@ def _display(
     done = threading.Event()
 
     def follow() -> None:
-        with contextlib.suppress(RuntimeError), Bus(endpoint, stop=done) as bus:
-            watches: list[object] = [MetricsSubscriber(bus, folder.run, display.on_batch)]
-            if stalls is not None:
-                watches.append(TelemetryWatch(bus, stalls.hear, Counters()))
+        with contextlib.ExitStack() as stack:
+            bus: Bus | None = None
+            with contextlib.suppress(BusError, InputError):  # lines are in the folder all the same
+                bus = stack.enter_context(Bus(endpoint, stop=done))
+                stack.enter_context(MetricsSubscriber(bus, folder.run, display.on_batch))
+                if stalls is not None:
+                    watch = TelemetryWatch(bus, stalls.hear, Counters())
+                    stack.enter_context(contextlib.closing(watch))
             while not done.wait(0.2):
                 display.show_new_lines()
                 if stalls is not None:
-                    stalls.look(display.shown, connected=bus.connected)
-            watches.clear()
+                    stalls.look(display.shown, connected=bus is not None and bus.connected)
 
     thread = threading.Thread(target=follow, name="progress")
     with display.progress:

@@ -5,7 +5,9 @@ import platform
 from dataclasses import dataclass
 from pathlib import Path
 
+from bpn.certified import environment, local_endpoint
 from bpn.supervisor import Service
+from bpn_shared.access import ROUTER
 
 
 @dataclass(frozen=True)
@@ -18,7 +20,12 @@ class PoolSize:
 
 
 def services_of_pool(
-    size: PoolSize, runs_dir: Path, endpoint: str, dashboard: list[str]
+    size: PoolSize,
+    runs_dir: Path,
+    endpoint: str,
+    dashboard: list[str],
+    *,
+    certificates: Path | None = None,
 ) -> list[Service]:
     """Router, dashboard, and workers that take whatever the registry gives them.
 
@@ -26,30 +33,46 @@ def services_of_pool(
     it with the router.
 
     Args:
+        endpoint: where the router listens.
         dashboard: more options of the dashboard.
+        certificates: a folder for each role (`bpn-certificates`), for a router that others reach over TLS.
     """
     cores = sorted(os.sched_getaffinity(0))
-    connect = ["--connect", endpoint]
+    connect = ["--connect", local_endpoint(endpoint)]
+    secured = [] if certificates is None else ["--certificates", str(certificates / ROUTER)]
     runs = ["--runs-dir", str(runs_dir)]
     services = [
-        Service("router", ["bpn_shared.bus.router", "--listen", endpoint], core=cores[0]),
-        Service("dashboard", ["bpn_dashboard", *connect, *runs, *dashboard], speaks=True),
+        Service("router", ["bpn_shared.bus.router", "--listen", endpoint, *secured], core=cores[0]),
+        Service(
+            "dashboard",
+            ["bpn_dashboard", *connect, *runs, *dashboard],
+            speaks=True,
+            environment=environment(certificates, "dashboard"),
+        ),
     ]
     for index in range(size.learners):
         arguments = ["bpn_learner", *connect, *runs]
-        services.append(Service(f"learner-{index}", arguments, essential=False))
-    for module, name, count in (
-        ("bpn_robot_sim", "robot", size.robots),
-        ("bpn_edge", "edge", size.edges),
+        services.append(
+            Service(
+                f"learner-{index}",
+                arguments,
+                essential=False,
+                environment=environment(certificates, "learner"),
+            )
+        )
+    for role, name, count in (
+        ("robot_sim", "robot", size.robots),
+        ("edge", "edge", size.edges),
     ):
         for index in range(count):
             place = ["--place", f"{platform.node()}/{index}"]
             services.append(
                 Service(
                     f"{name}-{index}",
-                    [module, *connect, *place],
+                    [f"bpn_{role}", *connect, *place],
                     core=cores[index % len(cores)],
                     essential=False,
+                    environment=environment(certificates, role),
                 )
             )
     return services

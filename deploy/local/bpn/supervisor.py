@@ -7,12 +7,12 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import IO
 from uuid import UUID
 
+from bpn.last_words import last_words
 from bpn_shared.config import RunConfig
 from bpn_shared.service import SUPERVISOR_PID
 from bpn_shared.worker import EXIT_FINISHED, EXIT_UNRECOVERABLE, service_name
@@ -24,6 +24,8 @@ STEADY_S = 20.0
 """A process that ran this long was well: its next restart is quick again."""
 GIVE_UP_AFTER = 8
 """Deaths in a row, none of them after a steady time, that make the supervisor stop trying."""
+SAME_REASON = 3
+"""So many of them for one and the same reason are enough: the next start would end in the same way."""
 STOP_GRACE_S = 2.0
 
 
@@ -39,12 +41,22 @@ class Service:
     """Whether the others are of no use without it."""
     speaks: bool = False
     """Whether its standard output is for the user, not for the log."""
+    environment: Mapping[str, str] = field(default_factory=dict)
+    """Of its own, beside this process's."""
     process: subprocess.Popen[bytes] | None = None
     started_s: float = 0.0
+    log_begin: int = 0
+    """Where in its log this start began."""
     deaths: int = 0
+    reason: str = ""
+    """Of its last death."""
+    alike: int = 0
+    """Deaths in a row for that reason."""
     restart_at_s: float = 0.0
     finished: bool = False
     failure: str = ""
+    wrong_input: bool = False
+    """Whether it failed because of what it was given."""
     restarts: int = 0
 
     @property
@@ -70,13 +82,19 @@ class Supervisor:
             self._spawn(service)
 
     def _spawn(self, service: Service) -> None:
-        with self._log_file(service) as output:
+        with self._log_path(service).open("ab") as output:
+            service.log_begin = output.seek(0, os.SEEK_END)
             service.process = subprocess.Popen(  # noqa: S603 - our own modules
                 [sys.executable, "-m", *service.arguments],
                 stdin=subprocess.DEVNULL,
                 stdout=None if service.speaks else output,
                 stderr=output,
-                env={**os.environ, **quiet_threads(), SUPERVISOR_PID: str(os.getpid())},
+                env={
+                    **os.environ,
+                    **quiet_threads(),
+                    **service.environment,
+                    SUPERVISOR_PID: str(os.getpid()),
+                },
                 # Ctrl-C goes to us alone, and we stop them in order. No session of its own, which Linux's
                 # autogroups would schedule apart: that made camera to action 12 % longer (292, not 261 us).
                 process_group=0,
@@ -85,8 +103,8 @@ class Supervisor:
             os.sched_setaffinity(service.process.pid, {service.core})
         service.started_s = time.monotonic()
 
-    def _log_file(self, service: Service) -> IO[bytes]:
-        return (self._logs / f"{service.name}.log").open("ab")
+    def _log_path(self, service: Service) -> Path:
+        return self._logs / f"{service.name}.log"
 
     def check(self) -> None:
         """Looks after every service once: notices deaths, restarts what is due."""
@@ -109,19 +127,37 @@ class Supervisor:
         steady = now_s - service.started_s >= STEADY_S
         service.deaths = 1 if steady else service.deaths + 1
         how = f"signal {signal.Signals(-status).name}" if status < 0 else f"exit status {status}"
-        if status == EXIT_UNRECOVERABLE or service.deaths >= GIVE_UP_AFTER:
-            service.failure = f"{service.name} ended with {how}; see {service.name}.log"
-            log.error("%s in %s", service.failure, self._logs)
+        reason = last_words(self._log_path(service), service.log_begin) if status > 0 else ""
+        service.alike = (
+            service.alike + 1 if reason and reason == service.reason and not steady else 1
+        )
+        service.reason = reason
+        service.wrong_input = status == EXIT_UNRECOVERABLE
+        if (
+            service.wrong_input
+            or service.deaths >= GIVE_UP_AFTER
+            or (reason and service.alike >= SAME_REASON)
+        ):
+            service.failure = f"{service.name}: {reason or how} (see {self._log_path(service)})"
+            if not service.essential:  # whoever runs the others goes on, and would not say it
+                log.error("%s", service.failure)
             return
         delay_s = min(BACKOFF_FIRST_S * 2 ** (service.deaths - 1), BACKOFF_MAX_S)
         service.restart_at_s = now_s + delay_s
-        log.warning("%s ended with %s, starts again in %.1f s", service.name, how, delay_s)
+        log.warning(
+            "%s ended with %s, starts again in %.1f s%s",
+            service.name, how, delay_s, f": {reason}" if reason else "",
+        )  # fmt: skip
 
     @property
     def failure(self) -> str:
         """Why the services cannot go on, or an empty string."""
-        failures = (service.failure for service in self.services if service.essential)
-        return next((failure for failure in failures if failure), "")
+        return "" if self.failed is None else self.failed.failure
+
+    @property
+    def failed(self) -> Service | None:
+        """The service without which the others cannot go on, if one failed for good."""
+        return next((s for s in self.services if s.essential and s.failure), None)
 
     def service(self, name: str) -> Service:
         """The service of that name.

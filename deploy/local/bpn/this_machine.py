@@ -1,21 +1,27 @@
 """This machine as the place where a run is done: what is missing is said before a run is made."""
 
+import logging
 from importlib.util import find_spec
 
 from bpn.terminal import stdout_for_results
 from bpn_shared.config import ConfigError, RunConfig
-from bpn_shared.messages.probe import ProbeRequest
+from bpn_shared.messages.probe import ProbeReply, ProbeRequest
 from bpn_shared.tasks import is_gym
+
+log = logging.getLogger(__name__)
 
 
 class ThisMachine:
     """A `Workplace` that has all services in processes of its own."""
 
-    def actions_of(self, task: str) -> int:
-        """See `Workplace.actions_of`; the environment is opened in a process of its own."""
-        from bpn_robot_sim.probe import probe_in_child  # noqa: PLC0415 - it takes seconds to load
+    def probe(self, asked: ProbeRequest) -> ProbeReply:
+        """See `Workplace.probe`; what the environment prints goes to standard error."""
+        from bpn_robot_sim.probe import probe_in_child  # noqa: PLC0415 - it takes a second to load
 
-        return probe_in_child(ProbeRequest(task=task)).actions
+        found = probe_in_child(asked)
+        if found.note:
+            log.warning("%s", found.note)
+        return found
 
     def check(self, config: RunConfig) -> None:
         """See `Workplace.check`: kernel, GPU, TensorBoard, and OpenGL where MuJoCo renders."""

@@ -57,6 +57,10 @@ class Live:
         rival = None if self.candidate is None else self.candidate.rival
         return None if rival is None else str(rival)
 
+    def gpus(self) -> list[bool]:
+        """Of the connected learners that have told, whether each has a GPU."""
+        return [] if self.dispatcher is None else self.dispatcher.desk.gpus()
+
     def refused(self) -> list[Refused]:
         """The workers that ask for work and cannot be used."""
         return [] if self.dispatcher is None else self.dispatcher.refused()

@@ -10,19 +10,23 @@ import sys
 import threading
 from collections.abc import AsyncIterator, Iterator
 from contextlib import ExitStack, asynccontextmanager, contextmanager, suppress
-from pathlib import Path
 from urllib.parse import urlsplit
 
-import uvicorn
 from fastapi import FastAPI
 from starlette.requests import HTTPConnection
 
+from bpn_dashboard.access.connections import (
+    Connections,
+    Listener,
+    quiet_when_out_of_descriptors,
+    raise_descriptor_limit,
+)
 from bpn_dashboard.access.tokens import LINK_S
 from bpn_dashboard.api.app import Application, create_app
 from bpn_dashboard.api.context import Context, identify
 from bpn_dashboard.api.problems import ApiError
 from bpn_dashboard.database.engine import Database, DatabaseError
-from bpn_dashboard.hub.websocket import UVICORN_OPTIONS, live_route
+from bpn_dashboard.hub.websocket import live_route
 from bpn_dashboard.live import Live, stay_joined
 from bpn_dashboard.options import (
     argument_parser,
@@ -32,8 +36,11 @@ from bpn_dashboard.options import (
     state_dir,
 )
 from bpn_dashboard.registry.store import RunStore
+from bpn_dashboard.registry.workplace import ConnectedWorkers
 from bpn_dashboard.series.ingest import Ingest
+from bpn_dashboard.server import Server, listen
 from bpn_dashboard.state_lock import ADDRESS_FILE, state_lock
+from bpn_shared.bus.session import prepare_process
 from bpn_shared.config import ConfigError, RunConfig
 from bpn_shared.runs.files import write_atomically
 from bpn_shared.service import (
@@ -45,30 +52,34 @@ from bpn_shared.service import (
 
 log = logging.getLogger(__name__)
 
-_SHUTDOWN_S = 2
-_TOKEN_S = 365 * 86_400.0
 
-
-def build(options: argparse.Namespace, database: Database) -> tuple[Application, Context]:
+def build(
+    options: argparse.Namespace, database: Database, listener: Listener
+) -> tuple[Application, Context]:
     """The application with all its parts; its lifespan starts and ends them."""
     counters, live = Counters(), Live()
+    connections = listener.connections = Connections(counters)
     runs = RunStore(database, options.runs_dir, read_only=live.read_only)
     context = Context(
         database=database,
         runs=runs,
         ingest=Ingest(options.runs_dir, database, counters),
         counters=counters,
+        place=ConnectedWorkers(lambda: live.bus, live.gpus),
         topology=live.topology.snapshot,
         obstacle=live.obstacle,
         read_only=live.read_only,
         refused=live.refused,
         secure=is_secure(options),
         open_metrics=options.open_metrics,
+        connections=connections,
     )
 
     @asynccontextmanager
     async def lifespan(_app: FastAPI) -> AsyncIterator[None]:
         stop = threading.Event()
+        quiet_when_out_of_descriptors(asyncio.get_running_loop(), counters)
+        watching = asyncio.create_task(connections.watch())
         await asyncio.to_thread(runs.adopt)  # whether the bus is reached or not
         runs.subscribe(context.ingest.take_in)
         runs.subscribe(live.publish)
@@ -78,14 +89,16 @@ def build(options: argparse.Namespace, database: Database) -> tuple[Application,
             yield
         finally:
             stop.set()
+            watching.cancel()
             await joining
             await asyncio.to_thread(context.ingest.close)
 
-    def may_watch(connection: HTTPConnection) -> bool:
+    def may_watch(connection: HTTPConnection) -> str | None:
         try:
-            return identify(connection) is not None
+            identity = identify(connection)
         except ApiError:  # too many wrong tokens
-            return False
+            return None
+        return None if identity is None else identity.owner
 
     routes = [live_route(lambda: live.hub, may_watch)]
     hosts = [options.host, *options.allow_host]
@@ -98,69 +111,31 @@ def main(argv: list[str] | None = None) -> int:
     """Serves until it is told to stop. Exit status: 0 stopped, 1 failed, 2 wrong options."""
     options = argument_parser().parse_args(argv)
     set_up_logging("dashboard")
+    prepare_process()
     logging.getLogger("alembic").setLevel(logging.WARNING)
+    raise_descriptor_limit()
     stop = stop_on_signals()
     end_with_supervisor()
     with ExitStack() as stack:
         try:
             check_options(options)
             first_run = RunConfig.for_task(options.first_run) if options.first_run else None
-            for folder in (options.runs_dir, state_dir(options)):
-                folder.mkdir(parents=True, exist_ok=True)
+            options.runs_dir.mkdir(parents=True, exist_ok=True)
+            state_dir(options).mkdir(mode=0o700, parents=True, exist_ok=True)
             stack.enter_context(state_lock(state_dir(options)))
-            listener = _listen(options.host, options.port)
+            listener = listen(options.host, options.port)
             stack.callback(listener.close)
             database = Database(database_url(state_dir(options), options.database))
             stack.callback(database.close)
-            app, context = build(options, database)
+            app, context = build(options, database, listener)
         except (ConfigError, DatabaseError) as error:
             log.error("%s", error)
             return 2
         if first_run is not None and not any(options.runs_dir.glob("*/config.json")):
             context.runs.create(first_run, name="first run", actor="bpn-dashboard")
         stack.enter_context(_announced(options, listener, context))
-        config = uvicorn.Config(
-            app,
-            log_config=None,
-            access_log=False,
-            server_header=False,
-            proxy_headers=False,
-            lifespan="on",
-            timeout_graceful_shutdown=_SHUTDOWN_S,
-            ssl_certfile=options.certificate,
-            ssl_keyfile=options.key,
-            **UVICORN_OPTIONS,
-        )
-        server = _Server(config)
-        threading.Thread(target=server.exit_after, args=(stop,), daemon=True).start()
-        server.run(sockets=[listener])
+        Server(app, listener, options.certificate, options.key).serve_until(stop)
     return 0
-
-
-class _Server(uvicorn.Server):
-    """Leaves signals to us: uvicorn's own handling ends the process by the signal, past our clean-up."""
-
-    @contextmanager
-    def capture_signals(self) -> Iterator[None]:
-        yield
-
-    def exit_after(self, stop: threading.Event) -> None:
-        """Lets the server end when the event is set."""
-        stop.wait()
-        self.should_exit = True
-
-
-def _listen(host: str, port: int) -> socket.socket:
-    family = socket.AF_INET6 if ":" in host else socket.AF_INET
-    listener = socket.socket(family)
-    listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-    try:
-        listener.bind((host, port))
-        listener.listen()  # who follows the link at once waits for us, and is not refused
-    except OSError as error:
-        listener.close()
-        raise ConfigError(f"--host {host} --port {port}: {error.strerror}; try --port 0") from error
-    return listener
 
 
 @contextmanager
@@ -170,17 +145,17 @@ def _announced(
     """Prints the link for the browser, and tells this user's commands where the dashboard is."""
     url = options.public_url or _url_of(options, listener, context)
     _, link = context.tokens.issue("link", "local user", "admin", lifetime_s=LINK_S)
-    row, token = context.tokens.issue("token", "local commands", "operator", lifetime_s=_TOKEN_S)
+    row, token = context.tokens.issue_for_process("local commands", "operator")
     issued = [row]
     address = {"url": url, "token": token, "endpoint": options.connect, "pid": os.getpid()}
     if options.certificate is not None:
         address["certificate"] = str(options.certificate.absolute())
     if options.metrics_token is not None:
-        row, viewer = context.tokens.issue("token", "metrics", "viewer", lifetime_s=_TOKEN_S)
+        row, viewer = context.tokens.issue_for_process("metrics", "viewer")
         issued.append(row)
         write_atomically(options.metrics_token, viewer.encode())
     path = state_dir(options) / ADDRESS_FILE
-    _write_private(path, json.dumps(address).encode())
+    write_atomically(path, json.dumps(address).encode(), mode=0o600)
     print(f"bpn dashboard: {url}/#token={link}", file=sys.stdout, flush=True)
     try:
         yield
@@ -197,12 +172,3 @@ def _url_of(options: argparse.Namespace, listener: socket.socket, context: Conte
     name = next(iter(options.allow_host), options.host)
     name = f"[{name}]" if ":" in name else name
     return f"{scheme}://{name}:{listener.getsockname()[1]}"
-
-
-def _write_private(path: Path, data: bytes) -> None:
-    """A file that only this user may read, at every moment."""
-    previous = os.umask(0o077)
-    try:
-        write_atomically(path, data)
-    finally:
-        os.umask(previous)

@@ -157,9 +157,9 @@ def verify(kernel: Kernel, weights: Weights) -> None:
     expected = weights.probe_outputs
     tolerance = _FLOAT_TOLERANCE * float(np.abs(expected).max())
     if not np.allclose(found, expected, rtol=0, atol=tolerance):
+        # No values: what a policy computes may be what it was made to tell.
         raise BlobError(
-            f"the {kernel.name} kernel computes P of the probe as {found.tolist()}, the learner "
-            f"as {expected.tolist()}"
+            f"the {kernel.name} kernel computes another P of the probe than the learner"
         )
 
 

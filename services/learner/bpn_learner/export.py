@@ -6,9 +6,9 @@ import torch
 
 from bpn_learner.fold import fold
 from bpn_learner.networks import BinaryNetwork, FloatNetwork, PNetwork, as_kernels
-from bpn_learner.onnx_model import onnx_model
 from bpn_shared.bnn.blob import NO_RUN
 from bpn_shared.float_weights import FloatWeights
+from bpn_shared.onnx_model import onnx_model
 from bpn_shared.weights import Weights
 
 

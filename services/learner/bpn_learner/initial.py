@@ -24,9 +24,14 @@ def initial_policy(config: RunConfig) -> tuple[PNetwork, torch.optim.Optimizer]:
     return network, make_optimizer(network, config.learning_rate)
 
 
+def has_gpu() -> bool:
+    """Whether torch finds a GPU on this machine."""
+    return torch.cuda.is_available()
+
+
 def _device(config: RunConfig) -> torch.device:
     """The device that the run asks for."""
-    if config.device == "cuda" and not torch.cuda.is_available():
+    if config.device == "cuda" and not has_gpu():
         raise ConfigError("device = 'cuda': torch finds no GPU on this machine; choose cpu")
     torch.backends.cudnn.allow_tf32 = False  # whole float32, or sums of signs are not exact
     return torch.device(config.device)

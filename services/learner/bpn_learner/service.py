@@ -1,5 +1,6 @@
 """`bpn-learner`: hands out episodes, learns from them, publishes weights. Owns the run folder."""
 
+import contextlib
 import logging
 from collections.abc import Mapping
 from pathlib import Path
@@ -7,6 +8,7 @@ from pathlib import Path
 from bpn_learner.checkpoint import CheckpointError
 from bpn_learner.episodes import DataError
 from bpn_learner.group import GroupLostError
+from bpn_learner.initial import has_gpu
 from bpn_learner.ledger import EpisodeLedger
 from bpn_learner.member import serve_member
 from bpn_learner.refusals import EpisodeImpossibleError
@@ -19,6 +21,7 @@ from bpn_shared.bus.liveliness import Alive
 from bpn_shared.bus.logs import LogCollector
 from bpn_shared.bus.metrics import MetricsPublisher
 from bpn_shared.bus.requests import RefusedError, Responder
+from bpn_shared.bus.router_watch import GIVE_UP_AFTER_S
 from bpn_shared.bus.weights import WeightsPublisher
 from bpn_shared.config import ConfigError
 from bpn_shared.entry import argument_parser, run_worker
@@ -28,7 +31,7 @@ from bpn_shared.runs.ownership import Ownership
 from bpn_shared.version import written_by
 from bpn_shared.watchdog import EPISODES_STORED, EPOCHS_DONE
 from bpn_shared.weights import Weights
-from bpn_shared.worker import EXIT_FINISHED, EXIT_UNRECOVERABLE, Worker
+from bpn_shared.worker import EXIT_FINISHED, EXIT_UNRECOVERABLE, Worker, service_names
 
 log = logging.getLogger(__name__)
 
@@ -59,8 +62,7 @@ def serve(worker: Worker, runs_dir: Path) -> int:
     if worker.slot > 0:
         return serve_member(worker)
     folder = RunFolder.open(runs_dir, str(worker.run))
-    with folder.owned(worker.id) as owner:
-        collector = LogCollector(worker.bus, worker.run, folder.logs)
+    with folder.owned(worker.id) as owner, _collected_logs(worker, folder):
         try:
             insist("the attempt", owner.begin_attempt, waiting=worker.waiting, stop=worker.stop)
             _train(worker, owner)
@@ -70,8 +72,6 @@ def serve(worker: Worker, runs_dir: Path) -> int:
             log.error("%s", error)  # it would come again
             _say_failed(owner, str(error))
             return EXIT_UNRECOVERABLE
-        finally:
-            del collector
     return EXIT_FINISHED
 
 
@@ -81,6 +81,15 @@ def _say_failed(owner: Ownership, error: str) -> None:
         owner.set_state("failed", error=error)
     except (OSError, ConfigError) as why:
         log.error("the run's state cannot be written: %s", why)
+
+
+def _collected_logs(worker: Worker, folder: RunFolder) -> contextlib.AbstractContextManager[object]:
+    """Keeps what the run's other workers say."""
+    try:
+        services = service_names(folder.config())
+    except ConfigError:  # which who reads it next says
+        return contextlib.nullcontext()
+    return LogCollector(worker.bus, worker.run, folder.logs, services)
 
 
 def _train(worker: Worker, owner: Ownership) -> None:
@@ -155,5 +164,17 @@ def main(argv: list[str] | None = None) -> int:
         "--slot", type=int, default=0,
         help="rank among the run's learners; 0 (default) is the one that owns the run folder",
     )  # fmt: skip
+    parser.add_argument(
+        "--give-up-after", type=float, metavar="SECONDS", default=GIVE_UP_AFTER_S,
+        help="how long without the router until the run is left to other learners (default %(default)s)",
+    )  # fmt: skip
     options = parser.parse_args(argv)
-    return run_worker("learner", options, lambda worker: serve(worker, options.runs_dir))
+    if not options.give_up_after > 0:
+        parser.error(f"--give-up-after {options.give_up_after} must be above 0")
+    return run_worker(
+        "learner",
+        options,
+        lambda worker: serve(worker, options.runs_dir),
+        holds_on_s=options.give_up_after,
+        gpu=has_gpu(),
+    )

@@ -24,6 +24,10 @@ EVALUATION_BATCH = 256
 SCALE_RATE_FACTOR = 3.0
 
 
+_STOP_EVERY = 64
+"""Minibatches between two looks at whether to stop: an epoch over the data of many robots takes long."""
+
+
 class UpdateStopped(Exception):  # noqa: N818
     """`stop` asked for an end; the network is half trained and must be given up."""
 
@@ -155,7 +159,7 @@ def policy_update(
         rng: shuffles D, once per epoch.
         gather: the learners that share the minibatches; by default there are no others.
         progress: called with (epochs done, epochs) after each.
-        stop: asked before each epoch.
+        stop: asked before each epoch, and in long ones some times a second.
 
     Raises:
         UpdateStopped: `stop` returned True.
@@ -218,12 +222,12 @@ def fit(
 
     network.train()
     for epoch in range(settings.epochs):
-        if stop is not None and stop():
-            raise UpdateStopped(f"stopped after {epoch} of {settings.epochs} epochs")
         set_learning_rate(optimizer, annealing(epoch, settings))
         order = torch.from_numpy(rng.permutation(size)).to(observations.device)
         total = torch.zeros((), device=observations.device)
         for k in range(minibatches):
+            if stop is not None and k % _STOP_EVERY == 0 and stop():
+                raise UpdateStopped(f"stopped after {epoch} of {settings.epochs} epochs")
             total += gradients(order[B * k : B * (k + 1)])
             optimizer.step()
             network.clip_latent_weights()

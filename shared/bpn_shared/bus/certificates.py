@@ -1,8 +1,11 @@
 """The certificates of a role, as a folder of three files, and what Zenoh is told about them."""
 
 import os
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
+from typing import NamedTuple, Self
 
+from bpn_shared.bus.x509 import facts_of
 from bpn_shared.config import ConfigError
 
 AUTHORITY, CERTIFICATE, KEY = "authority.pem", "certificate.pem", "key.pem"
@@ -17,6 +20,25 @@ class CertificateError(ConfigError):
     """There is no certificate where one is needed; the message says where it was looked for."""
 
 
+class CertificateFiles(NamedTuple):
+    """Where a service's three files are."""
+
+    authority: Path
+    certificate: Path
+    key: Path
+
+    @classmethod
+    def in_folder(cls, folder: Path) -> Self:
+        """Under their usual names."""
+        return cls(folder / AUTHORITY, folder / CERTIFICATE, folder / KEY)
+
+
+def own_certificates() -> CertificateFiles | None:
+    """This service's, in the folder that the environment names, if it does."""
+    named = os.environ.get(FOLDER_VARIABLE)
+    return CertificateFiles.in_folder(Path(named)) if named else None
+
+
 def client_tls(endpoint: str) -> dict[str, object]:
     """Zenoh's TLS settings of a client, from the folder that the environment names; {} without TLS.
 
@@ -25,21 +47,30 @@ def client_tls(endpoint: str) -> dict[str, object]:
     """
     if not endpoint.startswith(("tls/", "quic/")):
         return {}
-    named = os.environ.get(FOLDER_VARIABLE)
-    if not named:
+    files = own_certificates()
+    if files is None:
         raise CertificateError(
             f"{endpoint} needs certificates: name the folder with {', '.join(_FILES)} "
             f"in {FOLDER_VARIABLE} (`bpn-certificates` makes them)"
         )
-    folder = Path(named)
-    for name in _FILES:
-        if not os.access(folder / name, os.R_OK):
-            raise CertificateError(f"{folder / name} cannot be read ({FOLDER_VARIABLE})")
+    for path in files:
+        if not os.access(path, os.R_OK):
+            raise CertificateError(f"{path} cannot be read ({FOLDER_VARIABLE})")
     return {
-        "root_ca_certificate": str(folder / AUTHORITY),
-        "connect_certificate": str(folder / CERTIFICATE),
-        "connect_private_key": str(folder / KEY),
+        "root_ca_certificate": str(files.authority),
+        "connect_certificate": str(files.certificate),
+        "connect_private_key": str(files.key),
         "enable_mtls": True,
         "verify_name_on_connect": True,
         "close_link_on_expiration": True,
     }
+
+
+def days_left(path: Path) -> float:
+    """For how many days the certificate in a PEM file is still good; below 0: it has expired.
+
+    Raises:
+        OSError: it cannot be read.
+        ValueError: there is none in it.
+    """
+    return (facts_of(path).end - datetime.now(UTC)) / timedelta(days=1)

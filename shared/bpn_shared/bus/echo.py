@@ -12,7 +12,7 @@ from collections.abc import Callable
 import zenoh
 
 from bpn_shared.bus.requests import Responder, request
-from bpn_shared.bus.session import DEFAULT_ENDPOINT, Bus
+from bpn_shared.bus.session import DEFAULT_ENDPOINT, Bus, prepare_process
 from bpn_shared.service import Counters, end_with_supervisor, set_up_logging, stop_on_signals
 
 PING, PONG, REQUEST = "bpn/echo/ping", "bpn/echo/pong", "bpn/echo/request"
@@ -107,6 +107,7 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument("--answer-bytes", type=int, default=32)
     options = parser.parse_args(argv)
     set_up_logging("echo")
+    prepare_process()
     stop = stop_on_signals()
     end_with_supervisor()
     with Bus(options.connect, stop=stop) as bus:

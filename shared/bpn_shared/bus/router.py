@@ -3,22 +3,38 @@
 import argparse
 import json
 import logging
+import threading
+import time
 from ipaddress import ip_address
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 
 import zenoh
 
-from bpn_shared.bus.router_config import bare
-from bpn_shared.bus.session import DEFAULT_ENDPOINT
+from bpn_shared.backoff import Backoff
+from bpn_shared.bus.certificates import CertificateError, CertificateFiles
+from bpn_shared.bus.obstacle import obstacle, own_obstacle, plain
+from bpn_shared.bus.renewal import CertificateWatch
+from bpn_shared.bus.router_config import SECURE_ENDPOINT, bare, secure
+from bpn_shared.bus.session import DEFAULT_ENDPOINT, prepare_process
 from bpn_shared.config import ConfigError
+from bpn_shared.errors import InputError
 from bpn_shared.heartbeat import Heartbeat
 from bpn_shared.service import end_with_supervisor, set_up_logging, stop_on_signals
 
 log = logging.getLogger("bpn_router")
 
+PERIOD_S = 5.0
+"""How often the router looks at its certificates, and whether it can be reached."""
+_LISTEN_S = 5.0
+_EXIT_WRONG_INPUT = 2  # as every service's; the supervisor does not try it again
+
 
 def configure(
-    endpoint: str | None = None, config_file: Path | None = None, upstream: str | None = None
+    endpoint: str | None = None,
+    config_file: Path | None = None,
+    upstream: str | None = None,
+    *,
+    certificates: Path | None = None,
 ) -> zenoh.Config:
     """The configuration of a router that nobody can use who should not.
 
@@ -26,12 +42,21 @@ def configure(
         endpoint: where it listens; None: where the file says, or the default.
         config_file: a Zenoh JSON5 file; None: a router without authentication, for this machine only.
         upstream: another router, with which this one makes one bus.
+        certificates: in place of a file, the folder with the router's certificates: others reach it over TLS, and
+            each role may do what the table of access says.
 
     Raises:
         ConfigError: others could reach it, and it asks for no certificates.
         zenoh.ZError: the file is none.
     """
-    if config_file is None:
+    if certificates is not None:
+        files = CertificateFiles.in_folder(certificates)
+        if reason := own_obstacle(files):
+            raise CertificateError(f"{reason}; `bpn-certificates` makes what a router needs")
+        config = zenoh.Config.from_json5(
+            json.dumps(secure(endpoint or SECURE_ENDPOINT, PurePosixPath(certificates.absolute())))
+        )
+    elif config_file is None:
         config = zenoh.Config.from_json5(json.dumps(bare()))
         endpoint = endpoint or DEFAULT_ENDPOINT
     else:
@@ -45,7 +70,7 @@ def configure(
         if not (open_door.startswith(("tls/", "quic/")) and asks_who):
             raise ConfigError(
                 f"{open_door} can be reached from other machines, and nobody would be asked who they are: "
-                "listen on loopback, or on tls/ with a configuration like deploy/router/router.json5"
+                "listen on loopback, or on tls/ with --certificates (or a file like deploy/router/router.json5)"
             )
     return config
 
@@ -72,27 +97,85 @@ def is_local(endpoint: str) -> bool:
         return False
 
 
+def certificate_files(config: zenoh.Config) -> CertificateFiles | None:
+    """The files that a router of this configuration shows to its clients; None: it shows none."""
+    tls = json.loads(config.get_json("transport/link/tls"))
+    names = [
+        tls.get(name)
+        for name in ("root_ca_certificate", "listen_certificate", "listen_private_key")
+    ]
+    return CertificateFiles(*map(Path, names)) if all(names) else None
+
+
+def serve(
+    config: zenoh.Config, stop: threading.Event, heartbeat: Heartbeat, period_s: float = PERIOD_S
+) -> None:
+    """Routes until `stop` is set, with a new session whenever there are new certificates: Zenoh reads them once.
+
+    Raises:
+        zenoh.ZError: it cannot listen.
+    """
+    files = certificate_files(config)
+    watch = None if files is None else CertificateWatch(files)
+    door, ready = _own_door(endpoints(config)[0]), True
+    heartbeat.ready_when(lambda: ready)
+    log.info("router listens at %s", ", ".join(endpoints(config)))
+    while not stop.is_set():
+        with _listening(config, stop):
+            while not stop.is_set():
+                ready = not obstacle(door, files, any_name=True)
+                if watch is not None:
+                    watch.warn()
+                    if watch.renewed():
+                        log.info("there are new certificates: everyone connects anew")
+                        break
+                stop.wait(period_s)
+
+
+def _listening(config: zenoh.Config, stop: threading.Event) -> zenoh.Session:
+    """A session; where one was before, its port may take a moment to be free."""
+    backoff, deadline_s = Backoff(), time.monotonic() + _LISTEN_S
+    while True:
+        try:
+            return zenoh.open(config)
+        except zenoh.ZError:
+            if time.monotonic() > deadline_s or stop.wait(backoff.next_s()):
+                raise
+
+
+def _own_door(endpoint: str) -> str:
+    """The endpoint as this machine reaches it, if it listens at every address."""
+    return endpoint.replace("/0.0.0.0:", "/127.0.0.1:").replace("/[::]:", "/[::1]:")
+
+
 def main(argv: list[str] | None = None) -> int:
-    """Runs the router until SIGINT or SIGTERM."""
+    """Runs the router until SIGINT or SIGTERM. Exit status: 0 stopped, 2 it cannot listen there."""
     parser = argparse.ArgumentParser(prog="bpn-router", description=__doc__)
     parser.add_argument(
         "--listen", help=f"endpoint (default: as the file says, else {DEFAULT_ENDPOINT})"
     )
-    parser.add_argument("--config", type=Path, help="Zenoh JSON5 file (default: for this machine)")
+    how = parser.add_mutually_exclusive_group()
+    how.add_argument("--config", type=Path, help="Zenoh JSON5 file (default: for this machine)")
+    how.add_argument(
+        "--certificates", type=Path, metavar="FOLDER",
+        help="the router's certificates, with which others may reach it, each to do what its role may",
+    )  # fmt: skip
     parser.add_argument("--upstream", metavar="ENDPOINT", help="another site's router to join")
     options = parser.parse_args(argv)
     set_up_logging("router")
-    zenoh.init_log_from_env_or("off")
+    prepare_process()
     stop = stop_on_signals()
     end_with_supervisor()
     try:
-        config = configure(options.listen, options.config, options.upstream)
-        with zenoh.open(config), Heartbeat():
-            log.info("router listens at %s", ", ".join(endpoints(config)))
-            stop.wait()
-    except (ConfigError, zenoh.ZError) as error:
-        log.error("router cannot listen at %s: %s", options.listen or "its endpoint", error)
-        return 1
+        config = configure(
+            options.listen, options.config, options.upstream, certificates=options.certificates
+        )
+        with Heartbeat(lambda: False) as heartbeat:
+            serve(config, stop, heartbeat)
+    except (InputError, zenoh.ZError) as error:
+        where = options.listen or "its endpoint"
+        log.error("the router cannot listen at %s: %s", where, plain(error))
+        return _EXIT_WRONG_INPUT
     return 0
 
 

@@ -11,14 +11,22 @@ from typing import Self
 
 import zenoh
 
+from bpn_shared.backoff import Backoff
 from bpn_shared.bus.certificates import client_tls
+from bpn_shared.bus.obstacle import obstacle, plain
 from bpn_shared.bus.traffic import Traffic
 
 log = logging.getLogger(__name__)
 
 DEFAULT_ENDPOINT = "tcp/127.0.0.1:7447"
 OPEN_DEADLINE_S = 60.0
-_RETRY_S = 0.1
+
+
+def prepare_process() -> None:
+    """Sets what sessions need and a whole process has; its `main` calls it once."""
+    # A thread that computes holds the GIL for 5 ms by default, and every message waits that long.
+    sys.setswitchinterval(0.0005)
+    zenoh.init_log_from_env_or("off")  # peers come and go here; what matters is logged by us
 
 
 class BusError(RuntimeError):
@@ -73,9 +81,6 @@ class Bus:
         stop: threading.Event | None = None,
         traffic: Traffic | None = None,
     ) -> None:
-        # A thread that computes holds the GIL for 5 ms by default, and every message waits that long.
-        sys.setswitchinterval(0.0005)
-        zenoh.init_log_from_env_or("off")  # peers come and go here; what matters is logged by us
         self.endpoint = endpoint
         self._ends: list[Callable[[], None]] = []
         self.traffic = traffic or Traffic()
@@ -118,19 +123,23 @@ class Bus:
 
 def _open(endpoint: str, deadline_s: float, stop: threading.Event) -> zenoh.Session:
     config = _client_config(endpoint)
-    start = time.monotonic()
-    said = False
+    start_s = time.monotonic()
+    tries, looks = Backoff(0.1, 0.5), Backoff(2.0, 30.0)
+    look_s, reason = start_s, ""
     while True:
         try:
             return zenoh.open(config)
         except zenoh.ZError as error:
-            if time.monotonic() - start > deadline_s:
+            waited_s = time.monotonic() - start_s
+            if waited_s > deadline_s or time.monotonic() >= look_s:
+                why = obstacle(endpoint) or plain(error)
+                look_s = time.monotonic() + looks.next_s()
+                if why != reason and waited_s <= deadline_s:
+                    log.info("waiting for the Zenoh router at %s: %s", endpoint, why)
+                reason = why
+            if waited_s > deadline_s:
                 raise BusError(
-                    f"no Zenoh router at {endpoint} after {deadline_s:.0f} s ({error}): "
-                    "start one with `bpn-router` or name it with --connect"
+                    f"the Zenoh router at {endpoint} is not reached after {deadline_s:.0f} s: {reason}"
                 ) from error
-        if not said:
-            log.info("waiting for the Zenoh router at %s", endpoint)
-            said = True
-        if stop.wait(_RETRY_S):
+        if stop.wait(tries.next_s()):
             raise BusError(f"stopped while waiting for the Zenoh router at {endpoint}")

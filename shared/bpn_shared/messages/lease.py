@@ -27,6 +27,7 @@ class LeaseRequest(Message):
         label: where the worker runs; a robot and an edge with equal labels are put together.
         version, protocol: of the worker's program (`bpn_shared.version`); empty and 1 of one that did not tell.
         gave_back: the last place that it gave back, until the registry has answered once.
+        gpu: whether torch finds one there; None: not told, as of workers that need none.
     """
 
     SCHEMA = 2
@@ -38,6 +39,7 @@ class LeaseRequest(Message):
     version: Version = ""
     protocol: Count = 1
     gave_back: GiveBack | None = None
+    gpu: bool | None = None
 
 
 class LeaseReply(Message):

@@ -6,9 +6,10 @@ same values in the same words, before anything is written or started.
 """
 
 from collections.abc import Mapping
-from typing import Any, Protocol
+from typing import Any, Literal, Protocol
 
 from bpn_shared.config import ConfigError, RunConfig, preset_of
+from bpn_shared.messages.probe import ProbeReply, ProbeRequest
 from bpn_shared.tasks import is_gym
 
 _ANY_ACTIONS = 2
@@ -18,8 +19,8 @@ _ANY_ACTIONS = 2
 class Workplace(Protocol):
     """The machines that will do a run, as far as whoever creates it knows them."""
 
-    def actions_of(self, task: str) -> int | None:
-        """|A| of a Gymnasium environment, which is opened for it; None if nobody is there who could.
+    def probe(self, asked: ProbeRequest) -> ProbeReply | None:
+        """Tries a Gymnasium environment out; None if nobody is there who could.
 
         Raises:
             ConfigError: it cannot be a task, or what it needs is not installed.
@@ -50,7 +51,7 @@ def configure(values: Mapping[str, Any], place: Workplace) -> RunConfig:
     """
     config = _checked(values)
     if _lacks_actions(values):
-        config = _checked({**values, "actions": _actions_of(config.task, place)})
+        config = _checked({**values, "actions": _actions_of(config, place)})
     place.check(config)
     return config
 
@@ -66,11 +67,13 @@ def request_values(values: Mapping[str, Any]) -> dict[str, Any]:
     return {name: getattr(config, name) for name in values if name not in left_open}
 
 
-def _actions_of(task: str, place: Workplace) -> int:
-    actions = place.actions_of(task) or preset_of(task).get("actions")
+def _actions_of(config: RunConfig, place: Workplace) -> int:
+    channels: Literal[1, 3] = 3 if config.frame_channels == 3 else 1
+    found = place.probe(ProbeRequest(task=config.task, frame_channels=channels))
+    actions = found.actions if found is not None else preset_of(config.task).get("actions")
     if actions is None:
         raise ConfigError(
-            f"task = {task!r}: no robot worker is connected that could open the environment and count its "
+            f"task = {config.task!r}: no robot worker is connected that could open the environment and count its "
             "actions; start one (`bpn up`, or bpn-robot-sim on any machine), or give actions"
         )
     return int(actions)

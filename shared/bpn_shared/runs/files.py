@@ -4,12 +4,12 @@ import contextlib
 import os
 import secrets
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
 from typing import BinaryIO
 
-from bpn_shared.runs.opening import open_file, open_folder
+from bpn_shared.runs.opening import ForeignFileError, open_file, open_folder
 
 Prove = Callable[[], None]
 """Called last before a write takes place; what it raises keeps it from that."""
@@ -43,7 +43,7 @@ def _replace(
 ) -> None:
     temporary = f".{path.name}.{secrets.token_hex(6)}.new"
     flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC
-    with open_folder(root, path.parent.relative_to(root)) as folder:
+    with naming(path), open_folder(root, path.parent.relative_to(root)) as folder:
         try:
             with os.fdopen(os.open(temporary, flags, mode, dir_fd=folder), "wb") as file:
                 write(file)
@@ -71,7 +71,7 @@ def append_line(path: Path, line: bytes, *, root: Path | None = None, prove: Pro
     """
     root = root or path.parent
     flags = os.O_RDWR | os.O_CREAT | os.O_APPEND | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC
-    with open_folder(root, path.parent.relative_to(root)) as folder:
+    with naming(path), open_folder(root, path.parent.relative_to(root)) as folder:
         descriptor = os.open(path.name, flags, 0o666, dir_fd=folder)
         try:
             size = os.fstat(descriptor).st_size
@@ -89,6 +89,17 @@ def append_line(path: Path, line: bytes, *, root: Path | None = None, prove: Pro
             os.close(descriptor)
         if size == 0:
             os.fsync(folder)
+
+
+@contextlib.contextmanager
+def naming(path: Path) -> Iterator[None]:
+    """Errors of the system name this path: a full disk names none, an unfinished file another."""
+    try:
+        yield
+    except OSError as error:
+        if error.errno is None or isinstance(error, ForeignFileError):
+            raise
+        raise type(error)(error.errno, error.strerror, str(path)) from error
 
 
 def remove_unfinished(folder: Path, names: str) -> None:

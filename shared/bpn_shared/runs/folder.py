@@ -14,6 +14,7 @@ digest that is checked when it is read (docs/run-folder.md).
 """
 
 import contextlib
+import errno
 import re
 import time
 from collections.abc import Iterator, Mapping, Sequence
@@ -228,7 +229,18 @@ class RunFolder:
             found = self.state()
             if found.state in ("finished", "failed", state):
                 return found
-            return self.set_state(state, error=error)
+            try:
+                return self.set_state(state, error=error)
+            except OSError as full:
+                if full.errno not in (errno.ENOSPC, errno.EDQUOT):
+                    raise
+            # The old file's room may be all there is; should even that not do, the run is "lost", not "running".
+            (self.path / "state.json").unlink(missing_ok=True)
+            new = found.model_copy(
+                update={"state": state, "error": error, "updated_unix_s": time.time(), "owner": ""}
+            )
+            self.write("state.json", encode_state(new))
+            return new
 
     def write_state(
         self, state: State, *, error: str = "", attempt: int, owner: str = "", prove: Prove = free

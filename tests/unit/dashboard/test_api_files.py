@@ -125,15 +125,55 @@ def test_groups_are_named_by_what_differs(client, store, context) -> None:
     assert cells[1]["std"] is None
 
 
-def test_series_are_exported_whole(client, run) -> None:
-    query = {"runs": run.id, "metrics": "return_px,gone"}
+def test_series_are_exported_whole(client, run, store, context) -> None:
+    other = store.create(RunConfig.for_task("reaching"), actor="test")
+    store.folder(other.id).append_metrics({"iteration": 7, "gone": 1})
+    context.ingest.take_in([other])
+    query = {"runs": run.id, "metrics": "return_px"}
+    one = client.get("/api/v1/series/export", params=query | {"metrics": "gone"})
+    assert one.status_code == 422  # of this run, that is
+    both = client.get(
+        "/api/v1/series/export",
+        params={"runs": f"{run.id},{other.id}", "metrics": "return_px,gone"},
+    )
+    assert both.text.splitlines()[-1].endswith(",7,,1.0")
     rows = list(csv.DictReader(client.get("/api/v1/series/export", params=query).text.splitlines()))
-    assert [(r["iteration"], r["return_px"], r["gone"]) for r in rows] == [
-        ("0", "-1.5", ""), ("1", "-2.5", ""),
-    ]  # fmt: skip
+    assert [(r["iteration"], r["return_px"]) for r in rows] == [("0", "-1.5"), ("1", "-2.5")]
     parquet = client.get("/api/v1/series/export", params=query | {"format": "parquet"})
     table = pq.read_table(io.BytesIO(parquet.content)).to_pydict()
     assert (table["iteration"], table["return_px"]) == ([0, 1], [-1.5, -2.5])
+
+
+def test_no_name_is_a_formula_in_a_spreadsheet(client, run, store) -> None:
+    names = ['=HYPERLINK("http://evil","x")', "+1", "-1", "@a", "\t=1", "a=1", "größe"]
+    for name in names:
+        row = store.get(run.id)
+        store.update(run.id, row.rev, name=name, actor="test")
+        query = {"runs": run.id, "metrics": "return_px"}
+        text = client.get("/api/v1/series/export", params=query).text
+        shown = {row["name"] for row in csv.DictReader(io.StringIO(text))}
+        assert shown == {name if name in ("a=1", "größe") else f"'{name}"}
+
+
+@pytest.mark.parametrize(
+    "metrics", ["nonsense", "return_px,nonsense", "return_px,return_px", "seed"]
+)
+def test_exports_have_each_metric_once_and_no_other(client, run, metrics) -> None:
+    for form in ("csv", "parquet"):
+        query = {"runs": run.id, "metrics": metrics, "format": form}
+        answer = client.get("/api/v1/series/export", params=query)
+        assert answer.status_code == 422
+        assert metrics.split(",")[-1] in answer.json()["detail"]
+
+
+@pytest.mark.parametrize(
+    "header", ["bytes=0-" + "9" * 5000, "bytes=" + "9" * 5000 + "-", "bytes=-" + "9" * 5000, "bytes=٣-",
+               "bytes=-", "bytes=0-0,2-3", "\xff"],
+)  # fmt: skip
+def test_odd_ranges_are_the_whole_file(client, run, header) -> None:
+    url = f"/api/v1/artefacts/{run.id}.metrics.metrics"
+    answer = client.get(url, headers={"Range": header.encode()})
+    assert (answer.status_code, answer.content) == (200, client.get(url).content)
 
 
 def test_returns_of_gym_tasks_are_listed(client, run) -> None:

@@ -25,14 +25,8 @@ def client() -> TestClient:
     return TestClient(Guard(reached, max_body_bytes=LIMIT), base_url="http://localhost")
 
 
-@pytest.mark.parametrize("given", ["a", "A-b_c.9", "x" * 64])
-def test_a_fitting_request_id_is_kept(client, given: str) -> None:
-    answer = client.get("/", headers={"X-Request-Id": given})
-    assert answer.headers["x-request-id"] == answer.headers["x-own"] == given
-
-
-@pytest.mark.parametrize("given", ["", "x" * 65, "a b", "a;b", "a\tb", "ä", "a/../b"])
-def test_any_other_is_replaced(client, given: str) -> None:
+@pytest.mark.parametrize("given", ["", "a-1", "x" * 65, "a b", "a;b", "a\tb", "ä", "a/../b"])
+def test_request_ids_are_the_servers_own(client, given: str) -> None:
     """It ends up in logs."""
     answer = client.get("/", headers={"X-Request-Id": given.encode()})
     assert re.fullmatch("[0-9a-f]{32}", answer.headers["x-request-id"])

@@ -1,3 +1,4 @@
+import os
 import sqlite3
 from pathlib import Path
 
@@ -112,3 +113,21 @@ def test_a_network_file_system_is_told_by_its_mount(
     assert not is_on_network(Path("/dashboard.sqlite"))
     Database(sqlite_url(tmp_path / "dashboard.sqlite")).close()
     assert pragma(tmp_path / "dashboard.sqlite", "journal_mode") == "delete"
+
+
+def test_the_database_is_its_users_alone(tmp_path: Path) -> None:
+    file = tmp_path / "state" / "dashboard.sqlite"
+    file.parent.mkdir()
+    old_mask = os.umask(0o022)
+    try:
+        for _ in range(2):
+            database = Database(sqlite_url(file))
+            with database.writing() as session:
+                session.connection().exec_driver_sql("CREATE TABLE IF NOT EXISTS t (x)")
+            modes = {path.name: path.stat().st_mode & 0o777 for path in file.parent.iterdir()}
+            assert {f"{file.name}{end}" for end in ("", "-wal", "-shm")} == set(modes)
+            assert set(modes.values()) == {0o600}
+            database.close()
+            file.chmod(0o644)  # as an earlier version left it
+    finally:
+        os.umask(old_mask)

@@ -5,7 +5,7 @@ from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, rule
 
-from bpn_dashboard.registry.leases import GRANT_S, PATIENCE_S, Demand, LeaseBook, Place
+from bpn_dashboard.registry.leases import GRANT_S, IDLE_S, PATIENCE_S, Demand, LeaseBook, Place
 from bpn_shared.messages.lease import Role
 
 ROLES: tuple[Role, ...] = ("learner", "robot_sim", "edge")
@@ -318,3 +318,76 @@ def test_a_run_that_wants_more_learners_than_there_are_keeps_nobody_waiting() ->
     book.vanished(Place(A, "learner", 1), "l1", 1000.0)
     book.gone("l1")
     assert book.to_release(1011.0) == [(Place(A, "learner", 0), "l2")]
+
+
+def test_of_a_worker_that_has_gone_nothing_is_kept() -> None:
+    book = LeaseBook()
+    book.demand([Demand(A, 1)])
+    place = filled(book, "learner", "l0", "h/0")
+    assert (book.learners(), book.idle("learner", 0.0)) == (1, set())
+    book.vanished(place, "l0", 1.0)
+    assert book.idle("learner", 1.0) == {"l0"}  # it asked a moment ago
+    book.gone("l0")
+    assert (book.learners(), book.idle("learner", 1.0)) == (0, set())
+    empty = LeaseBook()
+    empty.demand([Demand(A, 1)])
+    kept = vars(book) | {"_left_s": {}}  # of the place, not of the worker
+    assert kept == vars(empty)
+
+
+def test_second_holders_follow_in_the_order_in_which_they_came() -> None:
+    book, place = LeaseBook(), Place(A, "edge", 0)
+    book.demand([Demand(A, 1)])
+    for worker in ("e0", "e1", "e2", "e1"):
+        book.appeared(place, worker, 0.0)
+    assert book.to_release(0.0) == [(place, "e1"), (place, "e2")]
+    for now_s, holder in ((1.0, "e1"), (2.0, "e2")):
+        book.vanished(place, str(book.holder(place)), now_s)
+        assert book.holder(place) == holder
+        assert book.is_confirmed(place)
+        assert book.held_s(place, now_s + 5.0) == 5.0
+    book.vanished(place, "e2", 3.0)
+    assert book.holder(place) is None
+    assert book.to_release(3.0) == []
+
+
+def test_a_deposed_holder_leaves_its_place_to_another_and_is_told_to_let_go() -> None:
+    book, place = LeaseBook(), Place(A, "learner", 0)
+    book.demand([Demand(A, 1)])
+    filled(book, "learner", "l0")
+    assert ask(book, "learner", "l1", "", 1.0) is None
+    book.depose(place, 1.0)
+    assert book.to_release(1.0) == [(place, "l0")]
+    assert filled(book, "learner", "l1", now_s=2.0) == place
+    assert book.to_release(2.0) == [(place, "l0")]
+    book.vanished(place, "l0", 3.0)
+    assert book.holder(place) == "l1"
+    assert book.to_release(3.0) == []
+
+
+def test_idle_is_who_asked_lately_and_has_nothing() -> None:
+    book = LeaseBook()
+    book.demand([Demand(A, 1)])
+    filled(book, "learner", "l0")
+    filled(book, "edge", "e0")
+    assert ask(book, "edge", "e1", "", 10.0) is None
+    assert book.idle("edge", 10.0 + IDLE_S) == {"e1"}
+    assert book.idle("edge", 10.1 + IDLE_S) == set()
+    assert book.idle("robot_sim", 10.0) == set()
+
+
+def test_what_a_run_lacks_and_which_runs_are_before_it() -> None:
+    book = LeaseBook()
+    c = UUID(int=3)
+    book.demand([Demand(A, 1), Demand(B, 2, 2), Demand(c, 1)])
+    assert book.positions() == {A: 0, B: 1, c: 2}
+    assert [book.wanted(run) for run in (A, B, c, UUID(int=9))] == [1, 2, 1, 0]
+    assert book.missing(B) == [
+        Place(B, "learner", 0), Place(B, "learner", 1), Place(B, "robot_sim", 0),
+        Place(B, "robot_sim", 1), Place(B, "edge", 0), Place(B, "edge", 1),
+    ]  # fmt: skip
+    filled(book, "learner", "l0")
+    assert book.positions() == {A: 0, B: 0, c: 1}  # one that has its learner keeps nobody waiting
+    filled(book, "edge", "e0")
+    assert book.missing(A) == [Place(A, "robot_sim", 0)]
+    assert book.missing(UUID(int=9)) == []

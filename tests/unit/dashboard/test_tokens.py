@@ -74,14 +74,14 @@ def test_use_is_noted_at_most_once_a_minute(tokens, database, monkeypatch) -> No
         assert rows(database)[row.id].last_used_at == clock + noted_s
 
 
-def test_the_list_holds_what_is_valid_newest_first_and_no_links(tokens, monkeypatch) -> None:
+def test_the_list_holds_what_is_valid_newest_first_links_too(tokens, monkeypatch) -> None:
     clock = time.time()
     monkeypatch.setattr(module.time, "time", lambda: clock)
     tokens.issue("token", "first", "viewer")
     tokens.issue("link", "link", "viewer", lifetime_s=60)
     monkeypatch.setattr(module.time, "time", lambda: clock + 1)
     tokens.issue("token", "second", "viewer", lifetime_s=60)
-    assert [row.name for row in tokens.list()] == ["second", "first"]
+    assert [row.name for row in tokens.list()] == ["second", "first", "link"]
     monkeypatch.setattr(module.time, "time", lambda: clock + 62)
     assert [row.name for row in tokens.list()] == ["first"]
 

@@ -87,6 +87,17 @@ def test_a_deployment_is_hardened_and_sees_its_own_certificates_alone(deployment
     assert shares_runs == (name in ("learner", "dashboard"))
 
 
+@pytest.mark.parametrize("deployment", DEPLOYMENTS, ids=name_of)
+def test_nobody_is_killed_because_the_router_is_away(deployment: Manifest) -> None:
+    (container,) = deployment["spec"]["template"]["spec"]["containers"]
+    if deployment["metadata"]["name"] == "dashboard":
+        assert container["livenessProbe"]["httpGet"]["path"] == "/healthz"
+    else:
+        for probe in ("startupProbe", "livenessProbe"):
+            assert container[probe]["exec"]["command"] == ["healthy"]
+        assert container["readinessProbe"]["exec"]["command"] == ["healthy", "--ready"]
+
+
 def test_one_router_and_one_dashboard_are_replaced_and_never_doubled() -> None:
     for deployment in DEPLOYMENTS:
         if deployment["metadata"]["name"] in ("router", "dashboard"):

@@ -279,6 +279,27 @@ def test_progress_is_told_and_stop_is_asked_every_epoch() -> None:
     assert seen == [(1, 5), (2, 5)]
 
 
+def test_stop_is_asked_within_a_long_epoch(monkeypatch: pytest.MonkeyPatch) -> None:
+    network, asked = binary_network(), 0
+
+    def stop() -> bool:
+        nonlocal asked
+        asked += 1
+        return asked == 2
+
+    assert minibatches_per_epoch(len(transitions()), 2) > 1
+    monkeypatch.setattr("bpn_learner.update._STOP_EVERY", 1)
+    with pytest.raises(UpdateStopped, match="after 0 of 1"):
+        policy_update(
+            network,
+            make_optimizer(network, 1e-3),
+            transitions(),
+            PolicyUpdate(epochs=1, batch=2),
+            np.random.default_rng(0),
+            stop=stop,
+        )
+
+
 def test_divergence_is_named() -> None:
     network = binary_network()
     network.log_scale.data.fill_(60.0)

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bpn.bench.figures import Figure, all_met
+from bpn.bench.figures import Figure, all_met, told_only
 from bpn.bench.live import median_interval
 
 
@@ -55,3 +55,11 @@ def test_a_figure_is_told_with_its_verdict(figure: Figure, value: float, met: bo
     told = figure.result(value)
     assert told["met"] is met
     assert all_met([told]) is (met is not False)
+
+
+def test_a_quick_measurement_is_told_and_not_judged() -> None:
+    missed = [Figure("a", "a", 2.0).result(9.0)]
+    (told,) = told_only(missed)
+    assert (told["value"], told["target"], told["met"]) == (9.0, None, None)
+    assert all_met([told])
+    assert not all_met(missed)

@@ -3,6 +3,7 @@
 import json
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import imageio.v3 as imageio
 import numpy as np
@@ -11,7 +12,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bpn.evaluation import video
-from bpn.evaluation.outcome import Outcome, outcome, summarize
+from bpn.evaluation.outcome import Outcome, distinct_trials, outcome, summarize
+from bpn.evaluation.shown import shown
+from bpn_shared.algorithms import AlgorithmName
 from bpn_shared.config import RunConfig
 from bpn_shared.messages.episode import Episode, EpisodeMeta
 from bpn_shared.success import share, success_of
@@ -101,14 +104,14 @@ def test_reaching_succeeds_where_the_hand_ends_on_the_target() -> None:
 
 def test_a_film_shows_every_frame_enlarged_and_the_applied_action_beside_it() -> None:
     shown = episode([20.0, 41.5, 60.0], terminated=False, actions=[6, 0])
-    pictures = list(video.film(shown))
+    pictures = list(video.pictures_of(shown))
     assert len(pictures) == 3
     for picture, frame in zip(pictures, shown.frames, strict=True):
         height, width, _ = picture.shape
         assert (height % 2, width % 2) == (0, 0)  # or no player shows the film
         np.testing.assert_array_equal(picture[: 84 * 4 : 4, : 84 * 4 : 4], frame.transpose(1, 2, 0))
     assert pictures[0].shape == (336, 336 + 128, 3)
-    assert next(video.film(shown, bars=False)).shape == (336, 336, 3)
+    assert next(video.pictures_of(shown, bars=False)).shape == (336, 336, 3)
     lengths = [_bar_lengths(picture[:, 336:]) for picture in pictures[:2]]
     assert lengths[0] == lengths[1] == sorted(lengths[0])  # outputs are 0, 1, ... 6
     chosen = [
@@ -133,3 +136,30 @@ def test_a_written_film_has_all_frames_of_all_trials(name: str, tmp_path: Path) 
     assert len(read) == 6
     middle = read[1][4 * 41, 4 * 41].astype(int)
     assert np.abs(middle - [255, 160, 0]).max() < 30  # compressed
+
+
+def result_of(config: RunConfig, episodes: list[Episode], policy: str = "greedy") -> dict[str, Any]:
+    outcomes = [outcome(config, one) for one in episodes]
+    facts = {"weights_version": 1, "run_id": "r", "policy": policy, "pacing": config.pacing}
+    return facts | summarize(config, outcomes, distinct=distinct_trials(episodes))
+
+
+def test_the_same_trial_played_again_says_nothing_of_a_spread() -> None:
+    one, other = (episode([41.5, x_px, 31.5], terminated=False) for x_px in (51.5, 50.5))
+    alike, differing = (result_of(TRACKING, episodes) for episodes in ([one] * 5, [one, other]))
+    assert (alike["trials"], alike["distinct_trials"]) == (5, 1)
+    assert alike["return_px"]["std"] is alike["length"]["std"] is None
+    lines = shown(alike, TRACKING)
+    assert any(line.startswith("1 start: all trials are the same one") for line in lines)
+    assert "± - px" in lines[1]
+    assert differing["distinct_trials"] == 2
+    assert differing["return_px"]["std"] > 0
+    assert not any("1 start" in line for line in shown(differing, TRACKING))
+
+
+@pytest.mark.parametrize("algorithm", ["bpn", "cvi", "dpp", "bqn", "dqn"])
+def test_softmax_play_of_who_trains_otherwise_says_so(algorithm: AlgorithmName) -> None:
+    config = RunConfig.for_task("tracking", algorithm=algorithm)
+    result = result_of(config, [episode([41.5, 51.5], terminated=False)], policy="softmax")
+    said = any(f"softmax is not how {algorithm} trains" in one for one in shown(result, config))
+    assert said == (config.policy != "softmax") == (algorithm in ("bqn", "dqn"))

@@ -5,6 +5,8 @@ import signal
 from collections.abc import Callable
 from pathlib import Path
 
+import pytest
+
 from bpn.supervisor import Service, Supervisor
 
 ROUTER = ["bpn_shared.bus.router", "--listen"]
@@ -21,15 +23,56 @@ def test_a_wrong_option_is_not_tried_again_and_the_failure_names_the_log(
         return bool(supervisor.failure)
 
     wait_for(failed, "the failure")
-    assert supervisor.failure == "router ended with exit status 2; see router.log"
+    assert supervisor.failure.startswith(
+        "router: bpn-router: error: unrecognized arguments: --colo"
+    )
+    assert supervisor.failure.endswith(f"(see {tmp_path / 'router.log'})")
     assert supervisor.services[0].restarts == 0
-    assert "--colour" in (tmp_path / "router.log").read_text()
+    assert supervisor.failed is not None
+    assert supervisor.failed.wrong_input
+
+
+def test_the_same_reason_again_and_again_ends_it_and_is_told(
+    tmp_path: Path, wait_for: Callable[..., None]
+) -> None:
+    supervisor = Supervisor([Service("nothing", ["bpn_no_such_module"])], tmp_path)
+    supervisor.start()
+
+    def failed() -> bool:
+        supervisor.check()
+        return bool(supervisor.failure)
+
+    wait_for(failed, "the failure")
+    assert supervisor.failure.startswith("nothing: ")
+    assert "No module named bpn_no_such_module" in supervisor.failure
+    assert supervisor.services[0].deaths == 3
+
+
+@pytest.mark.parametrize("essential", [True, False])
+def test_a_worker_that_cannot_start_is_said_and_the_others_go_on(
+    essential: bool, tmp_path: Path, wait_for: Callable[..., None], caplog: pytest.LogCaptureFixture
+) -> None:
+    service = Service("router", ["bpn_shared.bus.router", "--colour"], essential=essential)
+    supervisor = Supervisor([service], tmp_path)
+    supervisor.start()
+
+    def failed() -> bool:
+        supervisor.check()
+        return bool(service.failure)
+
+    wait_for(failed, "the failure")
+    assert bool(supervisor.failure) == essential
+    assert ("--colour" in caplog.text) != essential  # once: here, or by whoever ends with it
 
 
 def test_what_crashes_at_once_is_restarted_later_and_later(
-    tmp_path: Path, wait_for: Callable[..., None]
+    tmp_path: Path, wait_for: Callable[..., None], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    service = Service("nothing", ["bpn_no_such_module"])
+    # another reason each time: its process
+    program = "import os, sys; sys.exit(f'process {os.getpid()}')"
+    (tmp_path / "dies.py").write_text(program)
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    service = Service("nothing", ["dies"])
     supervisor = Supervisor([service], tmp_path)
     supervisor.start()
     delays: dict[int, float] = {}

@@ -1,6 +1,8 @@
+import errno
 import json
 import shutil
 from pathlib import Path
+from typing import Any
 from uuid import UUID
 
 import pytest
@@ -129,3 +131,42 @@ def test_a_run_has_one_spelling_and_a_link_to_one_is_none(
     (tmp_path / str(RUNS[1])).symlink_to(folder.path)
     assert [found.path for found in run_folders(tmp_path)] == [folder.path]
     assert list(run_folders(tmp_path / "nowhere")) == []
+
+
+def test_a_full_disk_is_named_with_the_file_that_did_not_fit(
+    folder: RunFolder, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """`os.fsync` is where a disk that delays its allocations says so."""
+
+    def full(_descriptor: int) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    before = folder.state()
+    monkeypatch.setattr("os.fsync", full)
+    with pytest.raises(OSError, match="No space left on device") as told:
+        folder.set_state("running")
+    assert told.value.filename == str(folder.path / "state.json")
+    with pytest.raises(OSError, match="No space left on device") as told:
+        folder.append_metrics({"iteration": 0})
+    assert told.value.filename == str(folder.path / "metrics.jsonl")
+    assert folder.state() == before
+    assert {path.name for path in folder.path.iterdir()} <= {
+        "config.json", "state.json", "metrics.jsonl", "episodes", "weights", "logs",
+    }  # fmt: skip
+
+
+class OnFullDisk(RunFolder):
+    """Of a disk that has room for state.json only where the old one was."""
+
+    def write(self, name: str, data: bytes, **proof: Any) -> None:
+        if name == "state.json" and (self.path / name).exists():
+            raise OSError(errno.ENOSPC, "No space left on device", str(self.path / name))
+        super().write(name, data, **proof)
+
+
+def test_a_run_on_a_full_disk_does_not_stay_running(folder: RunFolder) -> None:
+    running = folder.set_state("running", new_attempt=True)
+    OnFullDisk(folder.path).settle("failed", error="the disk is full", by="a test")
+    found = folder.state()
+    assert (found.state, found.error) == ("failed", "the disk is full")
+    assert (found.attempt, found.created_unix_s) == (running.attempt, running.created_unix_s)

@@ -125,7 +125,7 @@ def _round(directory: Path, seed: int, pace: Pace) -> dict[str, Any]:
         supervisor.start()
         supervisor.wait("learner", stop)
         if supervisor.failure:
-            raise RuntimeError(f"{supervisor.failure} in {folder.logs}")
+            raise RuntimeError(supervisor.failure)
         yardsticks = _yardsticks(endpoint, frame_bytes, action_bytes, pace)
     finally:
         supervisor.stop()

@@ -8,8 +8,8 @@ import numpy as np
 import numpy.typing as npt
 import onnxruntime
 
-from bpn_learner.onnx_model import INPUT, onnx_model
 from bpn_shared.bnn.spec import MAX_PIXEL, Layer, NetworkSpec
+from bpn_shared.onnx_model import INPUT, onnx_model
 
 Floats = npt.NDArray[np.float32]
 

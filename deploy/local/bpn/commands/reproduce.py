@@ -12,6 +12,7 @@ from typing import Any
 from rich.console import Console
 
 from bpn import optional
+from bpn.outputs import check_runs_dir
 from bpn_shared.algorithms import ALGORITHMS
 from bpn_shared.errors import InputError
 from bpn_shared.service import stop_on_signals
@@ -68,6 +69,7 @@ def run(options: argparse.Namespace) -> int:
     if options.redraw:
         _check_redraw(options)
         return int(making.redraw(options.target, out_dir, Console()))
+    check_runs_dir(options.runs_dir)
     return int(
         making.make(
             options.target,

@@ -42,7 +42,7 @@ def add_options(parser: argparse.ArgumentParser, arguments: Sequence[str]) -> No
 def run(options: argparse.Namespace) -> int:
     """Trains; exit status 130 if interrupted, with a folder that `--resume` takes."""
     dashboard = Dashboard.find(options.runs_dir)
-    folder = _folder(options, dashboard)
+    folder = folder_of(options, dashboard)
     config = folder.config()
     out = Console(file=sys.stderr if options.json else sys.stdout)
     say = partial(out.print, soft_wrap=True, highlight=False, markup=False)
@@ -50,7 +50,7 @@ def run(options: argparse.Namespace) -> int:
         f"run {folder.run} ({config.algorithm}, {config.task}, seed {config.seed}) in {folder.path}"
     )
     if dashboard is not None:
-        _say_place(dashboard, say)
+        say_place(dashboard, say)
     stop = stop_on_signals()
     if dashboard is None:
         execute(folder, endpoint=private_endpoint(), stop=stop, out=out)
@@ -72,7 +72,12 @@ def run(options: argparse.Namespace) -> int:
     return 130
 
 
-def _folder(options: argparse.Namespace, dashboard: Dashboard | None) -> RunFolder:
+def folder_of(options: argparse.Namespace, dashboard: Dashboard | None) -> RunFolder:
+    """The folder of the run that the options ask for: a new one, or the one to go on with.
+
+    Raises:
+        InputError: an option is wrong, or the machine cannot do the run.
+    """
     if options.resume is None:
         if options.task is None:
             raise InputError(f"TASK is missing; one of: {TASK_NAMES}, or --resume RUN")
@@ -94,7 +99,7 @@ def _folder(options: argparse.Namespace, dashboard: Dashboard | None) -> RunFold
     return folder
 
 
-def _say_place(dashboard: Dashboard, say: Callable[[str], None]) -> None:
+def say_place(dashboard: Dashboard, say: Callable[[str], None]) -> None:
     """How many runs the dashboard's workers will do first, or are doing."""
     before = dashboard.runs(state="queued,running", limit="1")["total"] - 1
     if before > 0:

@@ -8,6 +8,7 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
+from bpn.certified import check
 from bpn.dashboard import Dashboard, DashboardAwayError
 from bpn.local_run import RunFailedError, private_endpoint
 from bpn.options import add_runs_dir
@@ -15,6 +16,7 @@ from bpn.outputs import check_runs_dir
 from bpn.pool import PoolSize, services_of_pool
 from bpn.supervisor import Supervisor
 from bpn.terminal import command
+from bpn_shared.access import ROUTER
 from bpn_shared.bus.router import configure
 from bpn_shared.errors import InputError
 from bpn_shared.service import stop_on_signals
@@ -35,6 +37,11 @@ def add_options(parser: argparse.ArgumentParser, _arguments: Sequence[str]) -> N
         "--listen", metavar="ENDPOINT",
         help="the router's endpoint, for workers elsewhere (default: a private Unix socket)",
     )  # fmt: skip
+    parser.add_argument(
+        "--certificates", type=Path, metavar="FOLDER",
+        help="what `bpn-certificates` made there, for a router that other machines reach: "
+        "--listen tls/0.0.0.0:7447",
+    )  # fmt: skip
     add_runs_dir(parser)
     parser.set_defaults(run=run)
 
@@ -53,12 +60,21 @@ def run(options: argparse.Namespace) -> int:
             "stop it or choose another --runs-dir"
         )
     size, port = _size(options), _port(options.port)
+    certificates = options.certificates and options.certificates / ROUTER
     if options.listen is not None:
-        configure(options.listen)  # what the router would refuse
+        configure(options.listen, certificates=certificates)  # what the router would refuse
+    if options.certificates is not None:
+        if options.listen is None:
+            raise InputError("--certificates is for a router that others reach: add --listen")
+        check(options.certificates, options.listen)
     check_runs_dir(options.runs_dir)
     logs = options.runs_dir / ".logs"
     services = services_of_pool(
-        size, options.runs_dir, options.listen or private_endpoint(), ["--port", str(port)]
+        size,
+        options.runs_dir,
+        options.listen or private_endpoint(),
+        ["--port", str(port)],
+        certificates=options.certificates,
     )
     supervisor = Supervisor(services, logs)
     stop = stop_on_signals()
@@ -68,7 +84,8 @@ def run(options: argparse.Namespace) -> int:
     finally:
         supervisor.stop()
     if supervisor.failure:
-        raise RunFailedError(f"{supervisor.failure} in {logs}\n{_last_line(supervisor, logs)}")
+        wrong_input = supervisor.failed is not None and supervisor.failed.wrong_input
+        raise (InputError if wrong_input else RunFailedError)(supervisor.failure)
     again = command("bpn", "up", "--runs-dir", options.runs_dir)
     print(f"stopped; runs that were not finished go on with: {again}", file=sys.stderr)
     return 130
@@ -127,9 +144,3 @@ def _has_first_run(runs_dir: Path) -> bool:
     except DashboardAwayError:
         return False
     return True
-
-
-def _last_line(supervisor: Supervisor, logs: Path) -> str:
-    failed = next(service for service in supervisor.services if service.failure)
-    lines = (logs / f"{failed.name}.log").read_text(errors="replace").splitlines()
-    return lines[-1] if lines else ""

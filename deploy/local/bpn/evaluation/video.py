@@ -25,14 +25,20 @@ def write(path: Path, episodes: Sequence[Episode], task: Task, *, bars: bool = T
         path: an .mp4 or .gif file.
         bars: beside the picture, a bar for each action's preference; the applied action's is coloured.
     """
-    pictures = np.stack([picture for one in episodes for picture in film(one, bars=bars)])
+    pictures = np.stack([picture for one in episodes for picture in pictures_of(one, bars=bars)])
+    # Through memory: a writer that fails at a file complains of it once more, by itself, when it is collected.
     if path.suffix.lower() == ".gif":
-        imageio.imwrite(path, pictures, duration=1000 * task.control_period_s, loop=0)
+        film = imageio.imwrite(
+            "<bytes>", pictures, extension=".gif", duration=1000 * task.control_period_s, loop=0
+        )
     else:
-        imageio.imwrite(path, pictures, fps=1 / task.control_period_s, macro_block_size=1)
+        film = imageio.imwrite(
+            "<bytes>", pictures, extension=".mp4", fps=1 / task.control_period_s, macro_block_size=1
+        )
+    path.write_bytes(film)
 
 
-def film(episode: Episode, *, bars: bool = True) -> Iterator[Picture]:
+def pictures_of(episode: Episode, *, bars: bool = True) -> Iterator[Picture]:
     """One RGB picture uint8[h, w, 3] for each of the episode's T+1 frames; h and w are even."""
     for step, frame in enumerate(episode.frames):
         picture = _enlarged(frame)

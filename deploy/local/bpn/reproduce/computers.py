@@ -18,9 +18,9 @@ from bpn.reproduce.definition import StoppedError
 from bpn.reproduce.far import CONFIG, Breakdown, FarClient, Policy, binarized_policy
 from bpn.supervisor import Service, Supervisor
 from bpn_edge.kernel import load
-from bpn_learner.onnx_model import onnx_model
 from bpn_shared.bus.session import Bus
 from bpn_shared.float_weights import FloatWeights
+from bpn_shared.onnx_model import onnx_model
 
 EDGE, EDGE_CPU, EDGE_GOLDEN = "edge, native", "edge CPU, ONNX float32", "edge CPU, golden numpy"
 SERVER = "server over Zenoh"

@@ -9,11 +9,11 @@ import uuid
 from collections.abc import Iterable
 from dataclasses import dataclass
 from ipaddress import ip_address
-from urllib.parse import urlsplit
 
 from starlette.datastructures import Headers, MutableHeaders
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
+from bpn_dashboard.access.connections import Connections
 from bpn_dashboard.api.problems import Problem, problem_response
 
 CONTENT_SECURITY_POLICY = "; ".join(
@@ -37,7 +37,7 @@ _HEADERS = {
 }
 MAX_BODY_BYTES = 1024 * 1024
 _SAFE_METHODS = ("GET", "HEAD", "OPTIONS")
-_REQUEST_ID = re.compile(r"[A-Za-z0-9._-]{1,64}")
+_HOST = re.compile(r"(\[[0-9a-f:.]+\]|[a-z0-9._-]+)(?::[0-9]{1,5})?", re.IGNORECASE)
 _LOOPBACK_NAMES = ("localhost", "127.0.0.1", "::1")
 
 
@@ -55,13 +55,20 @@ class Guard:
 
     Args:
         hosts: names by which the dashboard is reached, beside those of loopback.
+        connections: is told how far requests have come; None: of a server without limits.
         max_body_bytes: of a request that says its length; the application bounds the others.
     """
 
     def __init__(
-        self, app: ASGIApp, hosts: Iterable[str] = (), *, max_body_bytes: int = MAX_BODY_BYTES
+        self,
+        app: ASGIApp,
+        hosts: Iterable[str] = (),
+        *,
+        connections: Connections | None = None,
+        max_body_bytes: int = MAX_BODY_BYTES,
     ) -> None:
         self.app = app
+        self._connections = connections
         self._max_body_bytes = max_body_bytes
         self._hosts = frozenset(host.lower() for host in (*_LOOPBACK_NAMES, *hosts))
 
@@ -70,8 +77,9 @@ class Guard:
             await self.app(scope, receive, send)
             return
         headers = Headers(scope=scope)
-        given = headers.get("x-request-id", "")
-        request_id = given if _REQUEST_ID.fullmatch(given) else uuid.uuid4().hex
+        if self._connections is not None:
+            receive, send = _within_limits(scope, headers, receive, send, self._connections)
+        request_id = uuid.uuid4().hex  # ours: who reads logs must be able to trust it
         scope.setdefault("state", {})["request_id"] = request_id
         refusal = refuse(scope, headers, self._hosts)
         length = headers.get("content-length", "0")
@@ -110,7 +118,7 @@ def refuse(scope: Scope, headers: Headers, hosts: frozenset[str]) -> Refusal | N
     if scope["type"] == "http" and scope["method"] in _SAFE_METHODS:
         return None
     origin = headers.get("origin")
-    if origin is not None and not _same_origin(origin, host):
+    if not all(_same_origin(one, host) for one in headers.getlist("origin")):
         return Refusal(403, "cross-origin", "the request comes from another site's page")
     if headers.get("sec-fetch-site", "none") not in ("same-origin", "none"):
         return Refusal(403, "cross-origin", "the request comes from another site's page")
@@ -133,12 +141,38 @@ def is_loopback(host: str) -> bool:
 
 def _same_origin(origin: str, host: str) -> bool:
     """Whether a page of that origin came from this host and port; a proxy may have ended its TLS."""
-    parts = urlsplit(origin)
-    return parts.scheme in ("http", "https") and parts.netloc.lower() == host.lower()
+    scheme, separator, authority = origin.partition("://")
+    return scheme in ("http", "https") and bool(separator) and authority.lower() == host.lower()
 
 
 def _hostname(host: str) -> str | None:
-    try:
-        return urlsplit(f"//{host}").hostname
-    except ValueError:
-        return None
+    """The name without its port; None if it is neither a name nor an address."""
+    match = _HOST.fullmatch(host)
+    return match[1].strip("[]").lower() if match else None
+
+
+def _within_limits(
+    scope: Scope, headers: Headers, receive: Receive, send: Send, connections: Connections
+) -> tuple[Receive, Send]:
+    """`receive` and `send` that tell how far the request has come, and end clients that take nothing."""
+    peer = scope.get("client") and tuple(scope["client"])
+    if scope["type"] == "websocket":  # which has deadlines of its own
+        connections.request_is_whole(peer)
+        return receive, send
+    if headers.get("content-length", "0") == "0" and "transfer-encoding" not in headers:
+        connections.request_is_whole(peer)
+
+    async def receive_within() -> Message:
+        message = await receive()
+        if message["type"] == "http.request" and not message.get("more_body", False):
+            connections.request_is_whole(peer)
+        return message
+
+    async def send_within(message: Message) -> None:
+        connections.request_is_whole(peer)
+        with connections.sending(peer):
+            await send(message)
+        if message["type"] == "http.response.body" and not message.get("more_body", False):
+            connections.wait_for_request(peer)
+
+    return receive_within, send_within

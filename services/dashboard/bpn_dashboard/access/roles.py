@@ -16,11 +16,18 @@ class Identity:
     Attributes:
         id: of the token or session.
         name: for the audit and the page's corner.
+        parent_id: of the token or session that this one was made from; None: of none.
     """
 
     id: str
     name: str
     role: Role
+    parent_id: str | None = None
+
+    @property
+    def owner(self) -> str:
+        """Whose share of what is limited it takes: sessions made from one token share one."""
+        return self.parent_id or self.id
 
     def may(self, role: Role) -> bool:
         """Whether this is that role or a higher one."""

@@ -6,6 +6,7 @@ from typing import Any
 
 from fastapi import APIRouter, FastAPI
 
+from bpn_dashboard.access.connections import Connections
 from bpn_dashboard.access.guard import MAX_BODY_BYTES, Guard
 from bpn_dashboard.api import (
     artefacts,
@@ -35,8 +36,8 @@ class Application(Guard):
         api: the application inside.
     """
 
-    def __init__(self, api: FastAPI, hosts: Iterable[str]) -> None:
-        super().__init__(api, hosts)
+    def __init__(self, api: FastAPI, hosts: Iterable[str], connections: Connections | None) -> None:
+        super().__init__(api, hosts, connections=connections)
         self.api = api
 
 
@@ -80,4 +81,4 @@ def create_app(
         app.include_router(router)
     app.include_router(static.ui_routes())
     describe(app)
-    return Application(app, hosts)
+    return Application(app, hosts, context.connections)

@@ -7,6 +7,7 @@ from typing import Annotated, cast
 from fastapi import Depends
 from starlette.requests import HTTPConnection
 
+from bpn_dashboard.access.connections import Connections
 from bpn_dashboard.access.limits import WrongTokens
 from bpn_dashboard.access.roles import Identity, Role
 from bpn_dashboard.access.tokens import Tokens, secret_key
@@ -22,6 +23,9 @@ from bpn_dashboard.series.query import SeriesQueries
 from bpn_shared.runs.creation import Workplace
 from bpn_shared.service import Counters
 
+COOKIE = "bpn_session"
+"""How the name of the session cookie begins."""
+
 
 @dataclass
 class Context:
@@ -35,6 +39,7 @@ class Context:
         refused: the workers that ask for work and cannot be used.
         secure: browsers reach the dashboard over TLS.
         open_metrics: /metrics needs no token from loopback.
+        connections: of the server, if it limits them.
     """
 
     database: Database
@@ -49,16 +54,21 @@ class Context:
     secure: bool = False
     open_metrics: bool = False
     wrong_tokens: WrongTokens = field(default_factory=WrongTokens)
+    connections: Connections | None = None
 
     def __post_init__(self) -> None:
         self.tokens = Tokens(self.database)
         self.cursors = Cursors(secret_key(self.database, "cursors"))
         self.series = SeriesQueries(self.database)
+        self._instance = secret_key(self.database, "instance")[:4].hex()
 
     @property
     def cookie(self) -> str:
-        """The session cookie's name; `__Host-` binds it to this host and TLS."""
-        return "__Host-bpn_session" if self.secure else "bpn_session"
+        """The session cookie's name: cookies know no port, so each dashboard of a host has its own.
+
+        `__Host-` binds it to this host and TLS.
+        """
+        return f"{'__Host-' if self.secure else ''}{COOKIE}_{self._instance}"
 
 
 def context_of(connection: HTTPConnection) -> Context:
@@ -70,36 +80,35 @@ def identify(connection: HTTPConnection) -> Identity | None:
     """Who asks, by bearer token or session cookie, over HTTP or WebSocket; None if nobody known.
 
     Raises:
-        ApiError: too many wrong tokens came from there.
+        ApiError: the bearer is wrong, and too many wrong ones came from there.
     """
     context = context_of(connection)
     scheme, _, bearer = connection.headers.get("authorization", "").partition(" ")
-    secret = bearer if scheme.lower() == "bearer" else connection.cookies.get(context.cookie)
-    if not secret:
-        return None
-    client = check_guesses(connection)
-    identity = context.tokens.identify(secret)
-    if identity is None:
-        context.wrong_tokens.add(client)
+    is_bearer = scheme.lower() == "bearer"
+    secret = bearer if is_bearer else connection.cookies.get(context.cookie)
+    identity = context.tokens.identify(secret) if secret else None
+    if identity is None and is_bearer and secret:
+        wrong_token(connection)  # a cookie that has ended is no guess
     return identity
 
 
-def check_guesses(connection: HTTPConnection) -> str:
-    """The client's address, if it may try a token now.
+def wrong_token(connection: HTTPConnection) -> None:
+    """Counts a wrong token. Who has a right one is never asked to wait because of others.
 
     Raises:
         ApiError: too many wrong ones came from there.
     """
     client = connection.client.host if connection.client else ""
-    wait_s = context_of(connection).wrong_tokens.wait_s(client)
+    limit = context_of(connection).wrong_tokens
+    wait_s = limit.wait_s(client)
     if wait_s > 0:
         raise ApiError(
             429,
             "too-many-wrong-tokens",
-            f"too many wrong tokens; try again in {wait_s:.0f} s",
+            f"the token is wrong, as many before it; try another one in {wait_s:.0f} s",
             {"Retry-After": f"{wait_s:.0f}"},
         )
-    return client
+    limit.add(client)
 
 
 def _required(role: Role) -> Callable[[HTTPConnection], Identity]:

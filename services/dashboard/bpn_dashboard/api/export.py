@@ -3,7 +3,7 @@
 import csv
 import io
 import tempfile
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from typing import Any, Literal
 
 import numpy as np
@@ -11,6 +11,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from bpn_dashboard.database.tables import RunRow
+from bpn_dashboard.registry.errors import FilterError
 from bpn_dashboard.series.query import SeriesQueries
 
 Format = Literal["csv", "parquet"]
@@ -19,6 +20,7 @@ MEDIA_TYPES: dict[Format, str] = {
     "parquet": "application/vnd.apache.parquet",
 }
 _ABOUT = ("run_id", "name", "task", "algorithm", "seed")
+_FORMULA = ("=", "+", "-", "@", "\t", "\r", "\n")
 _PIECE_BYTES = 64 * 1024
 
 
@@ -46,6 +48,22 @@ def tables(
         yield pa.table(columns, schema=_schema(metrics))
 
 
+def check(metrics: Sequence[str], known: Collection[str]) -> None:
+    """Refuses what would be a column twice, or one without a value.
+
+    Raises:
+        FilterError: a metric stands twice, has a column's name, or is none of those known.
+    """
+    for index, metric in enumerate(metrics):
+        if metric in metrics[:index]:
+            raise FilterError(f"metrics: {metric} stands there twice")
+        if metric in (*_ABOUT, "iteration"):
+            raise FilterError(f"metrics: {metric} is the name of a column that is there already")
+        if metric not in known:
+            there = ", ".join(sorted(known)) or "none yet"
+            raise FilterError(f"metrics: no run has {metric!r}; there are: {there[:1000]}")
+
+
 def write(found: Iterable[pa.Table], metrics: Sequence[str], form: Format) -> Iterator[bytes]:
     """The tables as pieces of one file."""
     return _csv(found, metrics) if form == "csv" else _parquet(found, metrics)
@@ -62,12 +80,19 @@ def _csv(found: Iterable[pa.Table], metrics: Sequence[str]) -> Iterator[bytes]:
     writer.writerow([*_ABOUT, "iteration", *metrics])
     for table in found:
         for row in zip(*(column.to_pylist() for column in table.columns), strict=True):
-            writer.writerow(["" if value != value else value for value in row])  # noqa: PLR0124 - NaN
+            writer.writerow([_cell(value) for value in row])
             if text.tell() > _PIECE_BYTES:
                 yield text.getvalue().encode()
                 text.seek(0)
                 text.truncate()
     yield text.getvalue().encode()
+
+
+def _cell(value: Any) -> Any:
+    """Nothing for NaN; and no text that a spreadsheet takes for a formula."""
+    if isinstance(value, str):
+        return f"'{value}" if value.startswith(_FORMULA) else value
+    return "" if value != value else value  # noqa: PLR0124 - NaN
 
 
 def _parquet(found: Iterable[pa.Table], metrics: Sequence[str]) -> Iterator[bytes]:

@@ -25,7 +25,7 @@ IdempotencyKey = Annotated[
 ]
 
 _REMEMBERED_S = 24 * 3600.0
-_UNFINISHED_S = 60.0
+_UNFINISHED_S = 120.0  # a robot worker may try an environment out first
 
 
 def once(

@@ -9,6 +9,7 @@ from fastapi.dependencies.models import Dependant
 from fastapi.openapi.utils import get_openapi
 from fastapi.routing import iter_route_contexts
 
+from bpn_dashboard.api.context import COOKIE
 from bpn_dashboard.api.problems import Problem, responses
 
 ROLE = "x-bpn-role"
@@ -32,7 +33,12 @@ def _document(app: FastAPI) -> dict[str, Any]:
     schemas |= problem.pop("$defs") | {"Problem": problem}
     components["securitySchemes"] = {
         "bearer": {"type": "http", "scheme": "bearer"},
-        "session": {"type": "apiKey", "in": "cookie", "name": app.state.context.cookie},
+        "session": {
+            "type": "apiKey",
+            "in": "cookie",
+            "name": f"{COOKIE}_INSTANCE",
+            "description": "INSTANCE: eight hexadecimal digits, of each dashboard its own",
+        },
     }
     for route in iter_route_contexts(app.routes):
         operations = document["paths"].get(route.path_format, {})

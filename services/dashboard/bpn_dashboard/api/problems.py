@@ -16,6 +16,7 @@ from pydantic import BaseModel, Field
 from sqlalchemy.exc import DataError, OperationalError
 from starlette.exceptions import HTTPException
 
+from bpn_dashboard.access.tokens import RevokedError
 from bpn_dashboard.registry.errors import (
     FilterError,
     ReadOnlyError,
@@ -79,6 +80,7 @@ _EXPECTED: dict[type[Exception], tuple[int, str]] = {
     ReadOnlyError: (409, "read-only"),
     FilterError: (422, "filter"),
     ConfigError: (422, "configuration"),
+    RevokedError: (401, "not-logged-in"),
 }
 
 

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 from fastapi import APIRouter, Request, Response
 from prometheus_client import CONTENT_TYPE_LATEST, CollectorRegistry, generate_latest
-from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily
+from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, InfoMetricFamily
 from prometheus_client.metrics_core import Metric
 from prometheus_client.process_collector import ProcessCollector
 from prometheus_client.registry import Collector
@@ -14,6 +14,8 @@ from bpn_dashboard.access.guard import is_loopback
 from bpn_dashboard.api.context import Context, Parts, identify
 from bpn_dashboard.api.problems import ApiError, responses
 from bpn_dashboard.database.tables import RunRow
+from bpn_shared.runs.state import STATES
+from bpn_shared.version import PROTOCOL, VERSION
 
 router = APIRouter(tags=["health"])
 
@@ -30,12 +32,13 @@ class _Dashboard(Collector):
         runs = GaugeMetricFamily("bpn_runs", "Runs by observed state.", labels=["state"])
         with self._parts.database.reading() as session:
             counted = select(RunRow.state, func.count()).group_by(RunRow.state)
-            for state, count in session.execute(counted):
-                runs.add_metric([state], count)
+            counts = {str(state): count for state, count in session.execute(counted)}
             waiting = select(RunRow.id, RunRow.task, RunRow.state).where(
                 RunRow.waiting_reason != "", RunRow.archived_at.is_(None)
             )
             stalled = [row for row in session.execute(waiting) if row.state != "queued"]
+        for state in STATES:  # with zeros: what rises from nothing shall be seen to rise
+            runs.add_metric([state], counts.get(state, 0))
         yield runs
         stalls = GaugeMetricFamily(
             "bpn_run_stalled",
@@ -56,6 +59,9 @@ class _Dashboard(Collector):
             "Workers that ask for work and cannot be used.",
             len(self._parts.refused()),
         )
+        build = InfoMetricFamily("bpn_build", "The program.", labels=[])
+        build.add_metric([], {"version": VERSION, "protocol": str(PROTOCOL)})
+        yield build
 
 
 @router.get(

@@ -52,7 +52,10 @@ class TaskChoice(BaseModel):
 
 
 class ConfigSchema(BaseModel):
-    """What a run's configuration may hold. The preset "gym:" is of every Gymnasium environment that has none."""
+    """What a run's configuration may hold.
+
+    The preset "gym:" is that of Gymnasium environments without their own; 0 actions: they are found out.
+    """
 
     schema_: dict[str, Any]
     presets: dict[str, dict[str, Any]]
@@ -81,7 +84,8 @@ def config_schema(_who: Viewer) -> ConfigSchema:
     """The schema of configurations, the paper's values per task, and the defaults."""
     return ConfigSchema(
         schema_=RunConfig.model_json_schema(),
-        presets={GYM_PREFIX: preset_of(GYM_PREFIX)} | PRESETS,
+        presets={name: preset_of(name) for name in PRESETS}
+        | {GYM_PREFIX: preset_of(GYM_PREFIX) | {"actions": 0}},
         tasks=[TaskChoice.of(task) for task in TASKS.values()],
         defaults=RunConfig().model_dump(),
     )
@@ -113,7 +117,7 @@ def list_runs(
     "/runs",
     operation_id="createRun",
     status_code=201,
-    responses=responses(409, 422) | {201: {"headers": _ETAG_HEADER}},
+    responses=responses(409, 422, 507) | {201: {"headers": _ETAG_HEADER}},
 )
 def create_run(
     who: Operator, parts: Parts, response: Response, body: RunNew, key: IdempotencyKey = None
@@ -145,7 +149,7 @@ def get_run(_who: Viewer, parts: Parts, response: Response, run_id: str) -> Run:
 @router.patch(
     "/runs/{run_id}",
     operation_id="updateRun",
-    responses=responses(404, 412, 422, 428) | {200: {"headers": _ETAG_HEADER}},
+    responses=responses(404, 409, 412, 422, 428, 507) | {200: {"headers": _ETAG_HEADER}},
 )
 def update_run(
     who: Operator,
@@ -168,28 +172,32 @@ def update_run(
     return _answer(parts, response, run_id)
 
 
-@router.post("/runs/{run_id}/stop", operation_id="stopRun", responses=responses(404))
+@router.post("/runs/{run_id}/stop", operation_id="stopRun", responses=responses(404, 409, 507))
 def stop_run(who: Operator, parts: Parts, response: Response, run_id: str) -> Run:
     """Asks the run's workers to stop; again changes nothing. Robots do not depend on this."""
     parts.runs.request_stop(run_id, who.name)
     return _answer(parts, response, run_id)
 
 
-@router.post("/runs/{run_id}/resume", operation_id="resumeRun", responses=responses(404, 409))
+@router.post("/runs/{run_id}/resume", operation_id="resumeRun", responses=responses(404, 409, 507))
 def resume_run(who: Operator, parts: Parts, response: Response, run_id: str) -> Run:
     """Lets workers go on with the run from where it stands."""
     _resume(parts, run_id, who.name)
     return _answer(parts, response, run_id)
 
 
-@router.post("/runs/{run_id}/archive", operation_id="archiveRun", responses=responses(404, 409))
+@router.post(
+    "/runs/{run_id}/archive", operation_id="archiveRun", responses=responses(404, 409, 507)
+)
 def archive_run(who: Operator, parts: Parts, response: Response, run_id: str) -> Run:
     """Takes the run out of sight; nothing is deleted."""
     parts.runs.archive(run_id, who.name)
     return _answer(parts, response, run_id)
 
 
-@router.post("/runs/{run_id}/unarchive", operation_id="unarchiveRun", responses=responses(404))
+@router.post(
+    "/runs/{run_id}/unarchive", operation_id="unarchiveRun", responses=responses(404, 409, 507)
+)
 def unarchive_run(who: Operator, parts: Parts, response: Response, run_id: str) -> Run:
     """Brings an archived run back."""
     parts.runs.unarchive(run_id, who.name)

@@ -162,6 +162,7 @@ def export_series(
     """Every point of the metrics: a row for each run and iteration."""
     rows = _runs(parts, [run for run in query.runs.split(",") if run], None)
     metrics = [metric for metric in query.metrics.split(",") if metric]
+    export.check(metrics, parts.series.names_in([row.id for row in rows]))
     tables = export.tables(parts.series, rows, metrics)
     return StreamingResponse(
         export.write(tables, metrics, query.format),

@@ -8,7 +8,7 @@ from pydantic import BaseModel, Field
 from bpn_dashboard.access.roles import Role
 from bpn_dashboard.access.tokens import LINK_S, SESSION_S
 from bpn_dashboard.api.configs import Request as Body
-from bpn_dashboard.api.context import Admin, Operator, Parts, Viewer, check_guesses
+from bpn_dashboard.api.context import Admin, Operator, Parts, Viewer, wrong_token
 from bpn_dashboard.api.models import Name
 from bpn_dashboard.api.problems import ApiError, responses
 from bpn_dashboard.database.access_tables import TokenRow
@@ -53,15 +53,18 @@ class TokenNew(Body):
 
 
 class Token(BaseModel):
-    """A token or session, without its secret."""
+    """A token, session or link, without its secret."""
 
     id: str
-    kind: Literal["token", "session"]
+    kind: Literal["token", "session", "link"]
     name: str
     role: Role
     created_at_unix_s: float
     last_used_at_unix_s: float | None
     expires_at_unix_s: float | None
+    parent_id: Annotated[
+        str | None, Field(description="of the token or session that it was made from and ends with")
+    ]
 
 
 class TokenMade(Token):
@@ -79,10 +82,9 @@ class TokenList(BaseModel):
 @router.post("/session", operation_id="logIn", status_code=204, responses=responses(401, 422, 429))
 def log_in(parts: Parts, request: Request, response: Response, body: LogIn) -> None:
     """Exchanges a token for a session cookie."""
-    client = check_guesses(request)
     session = parts.tokens.log_in(body.token)
     if session is None:
-        parts.wrong_tokens.add(client)
+        wrong_token(request)
         raise ApiError(
             401,
             "wrong-token",
@@ -107,23 +109,28 @@ def get_session(who: Viewer) -> Session:
 
 @router.delete("/session", operation_id="logOut", status_code=204)
 def log_out(who: Viewer, parts: Parts, response: Response) -> None:
-    """Ends the session. Tokens for scripts stay: an admin revokes them."""
+    """Ends the session, and the links and sessions made from it. Tokens stay: an admin revokes them."""
     parts.tokens.revoke(who.id, ["session"], actor=who.name)
     response.delete_cookie(parts.cookie, path="/", secure=parts.secure, httponly=True)
 
 
 @router.post("/links", operation_id="createLink", status_code=201, responses=responses(422))
 def create_link(who: Operator, parts: Parts, body: LinkNew) -> SignInLink:
-    """A token that logs in one browser once, within a day: open the dashboard with #token=TOKEN."""
+    """A token that logs in one browser once, within a day: open the dashboard with #token=TOKEN.
+
+    It ends with your own session or token, and so does the session that it becomes.
+    """
     if not who.may(body.role):
         raise ApiError(403, "role", f"a link for {body.role} needs that role; yours is {who.role}")
-    _, secret = parts.tokens.issue("link", who.name, body.role, lifetime_s=LINK_S, actor=who.name)
+    _, secret = parts.tokens.issue(
+        "link", who.name, body.role, lifetime_s=LINK_S, parent=who, actor=who.name
+    )
     return SignInLink(token=secret, role=body.role)
 
 
 @router.get("/tokens", operation_id="listTokens")
 def list_tokens(_who: Admin, parts: Parts) -> TokenList:
-    """Tokens and sessions that are good now."""
+    """Tokens, sessions and links that are good now."""
     return TokenList(items=[Token(**_shown(row)) for row in parts.tokens.list()])
 
 
@@ -140,7 +147,7 @@ def create_token(who: Admin, parts: Parts, body: TokenNew) -> TokenMade:
     "/tokens/{token_id}", operation_id="revokeToken", status_code=204, responses=responses(404)
 )
 def revoke_token(who: Admin, parts: Parts, token_id: str) -> None:
-    """Makes a token or session worthless from now on."""
+    """Makes a token, session or link, and all that was made from it, worthless from now on."""
     if not parts.tokens.revoke(token_id, actor=who.name):
         raise ApiError(404, "unknown-token", "there is no token of that id")
 
@@ -154,4 +161,5 @@ def _shown(row: TokenRow) -> dict[str, Any]:
         "created_at_unix_s": row.created_at,
         "last_used_at_unix_s": row.last_used_at,
         "expires_at_unix_s": row.expires_at,
+        "parent_id": row.parent_id,
     }

@@ -97,7 +97,9 @@ def list_sweeps(_who: Viewer, parts: Parts, query: Annotated[SweepListQuery, Que
     return SweepPage(items=_shown(parts, rows), next_cursor=following)
 
 
-@router.post("/sweeps", operation_id="createSweep", status_code=201, responses=responses(409, 422))
+@router.post(
+    "/sweeps", operation_id="createSweep", status_code=201, responses=responses(409, 422, 507)
+)
 def create_sweep(
     who: Operator, parts: Parts, response: Response, body: SweepNew, key: IdempotencyKey = None
 ) -> Sweep:
@@ -122,7 +124,9 @@ def get_sweep(_who: Viewer, parts: Parts, sweep_id: str) -> Sweep:
     return _shown(parts, [parts.runs.get_sweep(sweep_id)])[0]
 
 
-@router.post("/sweeps/{sweep_id}/stop", operation_id="stopSweep", responses=responses(404))
+@router.post(
+    "/sweeps/{sweep_id}/stop", operation_id="stopSweep", responses=responses(404, 409, 507)
+)
 def stop_sweep(who: Operator, parts: Parts, sweep_id: str) -> Sweep:
     """Stops every run of the sweep that is not over."""
     return _shown(parts, [parts.runs.stop_sweep(sweep_id, who.name)])[0]

@@ -1,6 +1,6 @@
 """The tables of access: tokens, secrets, and what repeated requests have made."""
 
-from sqlalchemy import LargeBinary
+from sqlalchemy import ForeignKey, LargeBinary
 from sqlalchemy.orm import Mapped, mapped_column
 
 from bpn_dashboard.database.tables import Base
@@ -20,6 +20,10 @@ class TokenRow(Base):
     created_at: Mapped[float]
     last_used_at: Mapped[float | None]
     expires_at: Mapped[float | None]
+    parent_id: Mapped[str | None] = mapped_column(
+        ForeignKey("tokens.id", ondelete="CASCADE"), index=True
+    )
+    """Of the token or session that it was made from, and ends with."""
 
 
 class SecretRow(Base):

@@ -1,9 +1,10 @@
 """One database: SQLite in write-ahead mode by default, or whatever a SQLAlchemy URL names."""
 
+import os
 import sqlite3
 import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -153,6 +154,7 @@ def _configure_sqlite(engine: Engine) -> None:
         raise DatabaseError("SQLite needs a file, such as sqlite:////data/dashboard.sqlite")
     path = Path(file).resolve()
     path.parent.mkdir(parents=True, exist_ok=True)
+    _make_private(path)
     journal = "DELETE" if is_on_network(path) else "WAL"  # WAL needs memory shared by all its users
 
     def connected(raw: sqlite3.Connection, _entry: ConnectionPoolEntry) -> None:
@@ -170,6 +172,17 @@ def _configure_sqlite(engine: Engine) -> None:
 
     event.listen(engine, "connect", connected)
     event.listen(engine, "begin", begin)
+
+
+def _make_private(path: Path) -> None:
+    """Its user's alone, as the files that SQLite puts beside it then are: it holds keys and who did what."""
+    with suppress(
+        OSError
+    ):  # SQLite says why it cannot be opened, and another user's is that user's to protect
+        os.close(os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600))
+        path.chmod(0o600)
+        for end in ("-wal", "-shm"):
+            path.with_name(path.name + end).chmod(0o600)
 
 
 def is_on_network(path: Path) -> bool:

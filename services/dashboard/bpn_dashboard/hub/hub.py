@@ -18,6 +18,7 @@ from bpn_shared.bus.telemetry import TelemetryWatch
 from bpn_shared.service import Counters
 
 MAX_CLIENTS = 100
+MAX_CLIENTS_OF_ONE = 40
 
 
 class FullError(RuntimeError):
@@ -53,7 +54,7 @@ class Hub:
         )
         self._sources = sources(bus, runs_dir, topology, counters)
         self._open: dict[Topic, _Open] = {}
-        self._clients: set[Client] = set()
+        self._clients: dict[Client, str] = {}  # with whose they are
         self._runs = self._acquire(Topic("runs"))  # changes are kept whether anyone looks or not
 
     def publish(self, topic: str, data: Mapping[str, Any]) -> None:
@@ -66,8 +67,11 @@ class Hub:
             raise ValueError(f"topic {topic!r} has a source of its own; only runs is published")
         self._runs.put(data)
 
-    def connect(self, transport: Transport) -> Client:
+    def connect(self, transport: Transport, owner: str) -> Client:
         """A new client.
+
+        Args:
+            owner: whose it is; one has a share of all places.
 
         Raises:
             FullError: there are too many.
@@ -75,15 +79,19 @@ class Hub:
         if len(self._clients) >= MAX_CLIENTS:
             self._counters.refuse("live_clients_refused", f"more than {MAX_CLIENTS} live clients")
             raise FullError(f"{MAX_CLIENTS} pages are connected, more are not taken")
+        if list(self._clients.values()).count(owner) >= MAX_CLIENTS_OF_ONE:
+            reason = f"more than {MAX_CLIENTS_OF_ONE} live clients of one session or token"
+            self._counters.refuse("live_clients_refused", reason)
+            raise FullError(f"{MAX_CLIENTS_OF_ONE} of your pages are connected, close one")
         client = Client(transport, lambda name: self._acquire(Topic.parse(name)), self._release)
-        self._clients.add(client)
+        self._clients[client] = owner
         self._counters.add("live_clients")
         return client
 
     def disconnect(self, client: Client) -> None:
         """Forgets a client and what only it looked at."""
         client.close()
-        self._clients.discard(client)
+        self._clients.pop(client, None)
 
     @property
     def clients(self) -> int:

@@ -31,9 +31,10 @@ _CLOSE_DEADLINE_S = 1.0
 SESSION_PERIOD_S = 5.0
 _MAX_ERRORS = 100
 
-MayWatch = Callable[[WebSocket], bool]
-"""Whether who asks may see the live view: has a session or a token. Asked on a thread, again and again. Foreign
-hosts and origins are refused before, by the guard around the application."""
+MayWatch = Callable[[WebSocket], str | None]
+"""Whose share of the places who asks takes: the session's or token's; None: who has neither may not see the live
+view. Asked on a thread, again and again. Foreign hosts and origins are refused before, by the guard around the
+application."""
 
 
 class _CloseError(Exception):
@@ -59,16 +60,16 @@ def live_route(
 
     @router.websocket(PATH)
     async def live(websocket: WebSocket) -> None:
-        allowed = await asyncio.to_thread(may_watch, websocket)
+        owner = await asyncio.to_thread(may_watch, websocket)
         # A browser never tells a page why a handshake was refused, so ours is accepted, and closed with a
         # code that says so.
         await websocket.accept()
         try:
-            _require(allowed)
+            _require(owner)
             running = hub()
             if running is None:
                 raise _CloseError(CLOSE_NO_BUS, "the message bus is not reached yet; try again")
-            await _serve(websocket, running, may_watch, session_period_s)
+            await _serve(websocket, running, owner or "", may_watch, session_period_s)
         except WebSocketDisconnect:
             pass
         except _CloseError as error:
@@ -79,8 +80,8 @@ def live_route(
     return router
 
 
-def _require(allowed: bool) -> None:
-    if not allowed:
+def _require(owner: str | None) -> None:
+    if owner is None:
         raise _CloseError(CLOSE_NO_SESSION, "no session: open the link that the dashboard printed")
 
 
@@ -100,24 +101,25 @@ class _Transport:
 
 
 async def _serve(
-    websocket: WebSocket, hub: Hub, may_watch: MayWatch, session_period_s: float
+    websocket: WebSocket, hub: Hub, owner: str, may_watch: MayWatch, session_period_s: float
 ) -> None:
     transport = _Transport(websocket)
     try:
-        client = hub.connect(transport)
+        await _shake_hands(websocket)  # before that it takes nobody's place
+        client = hub.connect(transport, owner)
+        try:
+            await transport.send_text(protocol.welcome(hub.name, time.time()))
+            await _until_one_ends(
+                client.send_forever(),
+                _receive_forever(websocket, transport, client),
+                _watch_session(websocket, may_watch, session_period_s),
+            )
+        finally:
+            hub.disconnect(client)
     except FullError as error:
         raise _CloseError(CLOSE_FULL, str(error)) from error
-    try:
-        await _shake_hands(websocket, transport, hub.name)
-        await _until_one_ends(
-            client.send_forever(),
-            _receive_forever(websocket, transport, client),
-            _watch_session(websocket, may_watch, session_period_s),
-        )
     except TimeoutError:
         raise _CloseError(CLOSE_PROTOCOL, "nothing was heard or taken in time") from None
-    finally:
-        hub.disconnect(client)
 
 
 async def _until_one_ends(*parts: Coroutine[Any, Any, None]) -> None:
@@ -133,7 +135,7 @@ async def _until_one_ends(*parts: Coroutine[Any, Any, None]) -> None:
         await asyncio.gather(*tasks, return_exceptions=True)
 
 
-async def _shake_hands(websocket: WebSocket, transport: _Transport, server: str) -> None:
+async def _shake_hands(websocket: WebSocket) -> None:
     async with asyncio.timeout(_HELLO_DEADLINE_S):
         try:
             hello = protocol.parse_client_message(await _receive_text(websocket))
@@ -141,7 +143,6 @@ async def _shake_hands(websocket: WebSocket, transport: _Transport, server: str)
             raise _CloseError(CLOSE_PROTOCOL, str(error)[:100]) from error
     if not isinstance(hello, Hello) or hello.proto != protocol.VERSION:
         raise _CloseError(CLOSE_PROTOCOL, f"hello with proto {protocol.VERSION} comes first")
-    await transport.send_text(protocol.welcome(server, time.time()))
 
 
 async def _receive_text(websocket: WebSocket) -> str:

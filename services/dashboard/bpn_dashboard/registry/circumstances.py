@@ -1,7 +1,8 @@
 """What the registry knows of a run that may stand still: its place in the queue, and who lacks."""
 
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
+from typing import NamedTuple
 from uuid import UUID
 
 from bpn_dashboard.registry.leases import LeaseBook, Place
@@ -12,13 +13,31 @@ from bpn_shared.watchdog import Circumstances
 _MANY = 10
 
 
+class Queue(NamedTuple):
+    """What all runs that wait for learners have in common.
+
+    Attributes:
+        learners: how many there are.
+        positions: of every wanted run, how many before it lack one.
+    """
+
+    learners: int
+    positions: Mapping[UUID, int]
+
+    @classmethod
+    def of(cls, book: LeaseBook) -> "Queue":
+        """As it is now."""
+        return cls(book.learners(), book.positions())
+
+
 def around(
     run: UUID,
     book: LeaseBook,
+    queue: Queue,
     setbacks: Setbacks,
-    refused: Iterable[Refused],
-    now_s: float,
     *,
+    refused: Iterable[Refused] = (),
+    now_s: float,
     owner: str | None = None,
     router: str = "",
     disk: str = "",
@@ -35,7 +54,7 @@ def around(
         roles = {"learner"}
     return Circumstances(
         router=router,
-        queue="; ".join(_queue(run, book, setbacks, missing)),
+        queue="; ".join(_queue(run, book, queue, setbacks, missing)),
         owner=f"its folder is held by {owner}, of whom nothing is heard" if owner else "",
         lacking=tuple(_lacking(book, setbacks, missing, now_s)),
         refused=tuple(worker.reason for worker in refused if worker.role in roles),
@@ -43,12 +62,14 @@ def around(
     )
 
 
-def _queue(run: UUID, book: LeaseBook, setbacks: Setbacks, missing: list[Place]) -> Iterator[str]:
+def _queue(
+    run: UUID, book: LeaseBook, queue: Queue, setbacks: Setbacks, missing: list[Place]
+) -> Iterator[str]:
     learners = [place for place in missing if place.role == "learner"]
     if not learners:
         return
     yield from filter(None, map(setbacks.newest, learners))
-    known, wanted, ahead = book.learners(), book.wanted(run), book.position(run)
+    known, wanted, ahead = queue.learners, book.wanted(run), queue.positions.get(run, 0)
     if known < wanted:
         yield f"waits for {'a learner' if wanted == 1 else f'{wanted} learners'}: {known} connected"
     elif ahead > _MANY:

@@ -14,7 +14,7 @@ from pydantic import TypeAdapter
 
 from bpn_dashboard.database.tables import RunRow
 from bpn_dashboard.registry.admission import admits
-from bpn_dashboard.registry.circumstances import around
+from bpn_dashboard.registry.circumstances import Queue, around
 from bpn_dashboard.registry.leases import Demand, LeaseBook, Place
 from bpn_dashboard.registry.losses import Loss, Losses
 from bpn_dashboard.registry.setbacks import GiveBack, Setbacks
@@ -61,6 +61,7 @@ class LeaseDesk:
         self._book, self._losses, self._setbacks = LeaseBook(), Losses(), Setbacks()
         self._refusals = Refusals()
         self._alive: set[str] = set()
+        self._gpus: dict[str, bool] = {}  # of learners that have asked for work and told
         self._iterations: dict[str, int] = {}  # of runs that are wanted
         self._given_up: dict[str, str] = {}
         self._router = ""
@@ -75,6 +76,7 @@ class LeaseDesk:
                 self._alive.add(worker)
             else:
                 self._alive.discard(worker)
+                self._gpus.pop(worker, None)
                 self._book.gone(worker)
 
     def on_lease(self, key: str, appeared: bool) -> None:
@@ -122,6 +124,8 @@ class LeaseDesk:
                 self._refusals.note(asked, reason, now_s)
                 raise RefusedError(reason)
             self._losses.heard_of(asked.worker)
+            if asked.gpu is not None:
+                self._gpus[asked.worker] = asked.gpu
             places = self._book.candidates(asked.role, asked.worker, asked.label, now_s)
             self._take_back(asked, now_s)
             places = [p for p in places if self._may_offer(p, asked.worker, now_s)]
@@ -130,6 +134,11 @@ class LeaseDesk:
                 reply = LeaseReply(verdict="lease", run=str(place.run), slot=place.slot)
                 return reply.encode()
         return LeaseReply(verdict="wait", retry_s=RETRY_S).encode()
+
+    def gpus(self) -> list[bool]:
+        """Of every connected learner that has told, whether it has a GPU."""
+        with self._lock:
+            return list(self._gpus.values())
 
     def _grant(self, place: Place, worker: str) -> bool:
         with self._lock:
@@ -266,11 +275,11 @@ class LeaseDesk:
         """
         now_s = time.monotonic()
         with self._lock:
-            refused = self._refusals.current(now_s)
+            refused, queue = self._refusals.current(now_s), Queue.of(self._book)
             return {
                 run_id: around(
-                    UUID(run_id), self._book, self._setbacks, refused, now_s,
-                    owner=owner, router=router, disk=disk,
+                    UUID(run_id), self._book, queue, self._setbacks,
+                    refused=refused, now_s=now_s, owner=owner, router=router, disk=disk,
                 )
                 for run_id, owner in owners.items()
             }  # fmt: skip

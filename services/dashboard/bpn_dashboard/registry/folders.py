@@ -9,8 +9,6 @@ from pathlib import Path
 from typing import Any
 from uuid import UUID
 
-from pydantic import TypeAdapter, ValidationError
-
 from bpn_dashboard.database.tables import RunRow
 from bpn_dashboard.registry.about import About
 from bpn_dashboard.registry.progress import Progress
@@ -19,7 +17,6 @@ from bpn_shared.config import ConfigError
 from bpn_shared.runs.folder import RunFolder, is_run_id
 
 _FILES = ("config.json", "state.json", "about.json")
-_OBJECT: TypeAdapter[dict[str, Any]] = TypeAdapter(dict[str, Any])
 _NEEDED: dict[str, tuple[type, int]] = {
     "seed": (int, 0), "iterations": (int, 1), "robots": (int, 1), "steps": (int, 1),
 }  # fmt: skip
@@ -58,7 +55,7 @@ def why_none(folder: RunFolder) -> str | None:
         return f"{folder.path}: a link, which is not followed"
     if folder.is_complete():
         return None
-    missing = [name for name in _FILES[:2] if not (folder.path / name).is_file()]
+    missing = [name for name in _FILES[:2] if not folder.has(name)]
     return f"{folder.path}: {' and '.join(missing) or 'a file'} is not there, or not yet"
 
 
@@ -104,10 +101,7 @@ def row_of(folder: RunFolder, about: About | None = None) -> RunRow:
 
 def _shown_at_least(folder: RunFolder, unreadable: ConfigError) -> dict[str, Any]:
     """The values of a configuration that cannot be read, if they are enough for a row."""
-    try:
-        values = _OBJECT.validate_json((folder.path / "config.json").read_bytes())
-    except (OSError, ValidationError):
-        raise unreadable from None
+    values = folder.raw_config()
     texts = all(isinstance(values.get(name), str) for name in ("task", "algorithm"))
     numbers = all(
         type(values.get(name)) is kind and least <= values[name] < 2**63

@@ -158,14 +158,14 @@ class LeaseBook:
         demand = self._demands.get(run)
         return 0 if demand is None else demand.learners
 
-    def position(self, run: UUID) -> int:
-        """How many of the runs before this one in the queue lack a learner."""
-        rank = self._ranks.get(run, 0)
-        return sum(
-            self._ranks[other.run] < rank
-            and any(place not in self._leases for place in other.places("learner"))
-            for other in self._demands.values()
-        )
+    def positions(self) -> dict[UUID, int]:
+        """Of every wanted run, how many before it in the queue lack a learner."""
+        ahead, positions = 0, {}
+        for run in sorted(self._demands, key=lambda run: self._ranks[run]):
+            positions[run] = ahead
+            places = self._demands[run].places("learner")
+            ahead += any(place not in self._leases for place in places)
+        return positions
 
     def missing(self, run: UUID) -> list[Place]:
         """The places that the run wants filled and nobody has."""

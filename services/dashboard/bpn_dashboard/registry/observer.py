@@ -50,14 +50,14 @@ class Observer:
         try:
             recorded = self._folder.state()
             over = recorded.state in OVER
-            self.owner = getattr(recorded, "owner", "") if recorded.state == "running" else ""
+            self.owner = recorded.owner if recorded.state == "running" else ""
             self.elsewhere = not owned and not over and self._folder.is_owned()
             if owned or self.elsewhere:
                 self._owned_s = now_s
             elif record and not over and give_up is not None:
-                recorded = self._record("failed", give_up)
+                recorded = self._folder.settle("failed", error=give_up, by="the registry")
             elif record and recorded.state == "running" and row.desired_state == "stopped":
-                recorded = self._record("stopped")
+                recorded = self._folder.settle("stopped", by="the registry")
             progress = self._progress.read()
         except RunOwnedError:  # just now; the next look sees it
             return {}
@@ -82,7 +82,3 @@ class Observer:
             log.warning("run %s cannot be observed: %s", row.id, trouble, exc_info=not expected)
             self._trouble = trouble
         return trouble
-
-    def _record(self, state: Any, error: str = "") -> Any:
-        with self._folder.owned("the registry", patience_s=0.0):
-            return self._folder.set_state(state, error=error)

@@ -56,7 +56,7 @@ class _AskedOnce:
     """A workplace that remembers what it was told of environments."""
 
     def __init__(self, place: Workplace) -> None:
-        self.actions_of = cache(place.actions_of)
+        self.probe = cache(place.probe)
         self.check = place.check
 
 

@@ -1,25 +1,46 @@
 """The connected workers as the place where runs are done, as far as they can be asked before there is a run."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
-from bpn_shared.config import RunConfig
-
-Probe = Callable[[str], int | None]
-"""Lets a robot worker open a Gymnasium environment and tell |A|; None if there is no such worker.
-
-Raises ConfigError if the environment cannot be a task.
-"""
+from bpn_shared.bus.requests import NoReplyError
+from bpn_shared.bus.session import Bus
+from bpn_shared.config import ConfigError, RunConfig
+from bpn_shared.messages.base import MessageError
+from bpn_shared.messages.probe import ProbeReply, ProbeRequest
+from bpn_shared.probing import probe_by_worker
 
 
 class ConnectedWorkers:
-    """A `Workplace`: what workers do not tell, such as a GPU, is not known and no reason to refuse a run."""
+    """A `Workplace`: what workers have not told is not known, and no reason to refuse a run.
 
-    def __init__(self, probe: Probe = lambda _task: None) -> None:
-        self._probe = probe
+    Args:
+        bus: the session through which they are reached; None: not reached yet.
+        gpus: of the connected learners that have told, whether each has a GPU.
+    """
 
-    def actions_of(self, task: str) -> int | None:
-        """See `Workplace.actions_of`."""
-        return self._probe(task)
+    def __init__(
+        self,
+        bus: Callable[[], Bus | None] = lambda: None,
+        gpus: Callable[[], Sequence[bool]] = tuple,
+    ) -> None:
+        self._bus, self._gpus = bus, gpus
+
+    def probe(self, asked: ProbeRequest) -> ProbeReply | None:
+        """See `Workplace.probe`."""
+        bus = self._bus()
+        if bus is None:
+            return None
+        try:
+            return probe_by_worker(bus, asked)
+        except NoReplyError:
+            return None
+        except MessageError as error:
+            raise ConfigError(f"task = {asked.task!r}: a robot worker's answer: {error}") from error
 
     def check(self, config: RunConfig) -> None:
-        """See `Workplace.check`."""
+        """See `Workplace.check`: a GPU."""
+        gpus = self._gpus()
+        if config.device == "cuda" and gpus and not any(gpus):
+            raise ConfigError(
+                f"device = 'cuda': torch finds no GPU at any of the {len(gpus)} connected learners; choose cpu"
+            )

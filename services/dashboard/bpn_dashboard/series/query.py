@@ -96,6 +96,11 @@ class SeriesQueries:
         with self._database.reading() as session:
             return [(row.name, row.n) for row in store.metrics_of(session, [run_id])]
 
+    def names_in(self, run_ids: Sequence[str]) -> set[str]:
+        """The metrics that any of these runs has."""
+        with self._database.reading() as session:
+            return {row.name for row in store.metrics_of(session, run_ids)}
+
     def points(self, run_id: str, metrics: Sequence[str]) -> dict[str, Points]:
         """All points of those of the metrics that the run has."""
         with self._database.reading() as session:

@@ -4,6 +4,7 @@ import numpy as np
 import numpy.typing as npt
 import onnxruntime
 
+from bpn_edge.kernel.onnx_admission import admit
 from bpn_edge.kernel.protocol import OutputError, checksum_of, not_loaded
 from bpn_shared.bnn.blob import BlobError, Parameters
 from bpn_shared.bnn.golden import Observation, check_observation
@@ -26,6 +27,7 @@ class OnnxKernel:
         """See `Kernel.load`."""
         if not isinstance(weights, FloatWeights):
             raise BlobError(f"the {self.name} kernel runs float policies, this one is binarized")
+        admit(weights.model, weights.spec)
         options = onnxruntime.SessionOptions()
         options.intra_op_num_threads = options.inter_op_num_threads = 1
         options.log_severity_level = (
@@ -36,18 +38,9 @@ class OnnxKernel:
                 weights.model, options, providers=["CPUExecutionProvider"]
             )
         except Exception as error:  # its exceptions have no common class of their own
-            raise BlobError(f"the model cannot be loaded: {error}") from error
-        inputs = [(i.name, i.type, i.shape) for i in session.get_inputs()]
-        outputs = [(o.type, o.shape) for o in session.get_outputs()]
-        if (inputs, outputs) != (
-            [(_INPUT, "tensor(float)", [1, *weights.spec.observation_shape])],
-            [("tensor(float)", [1, weights.spec.actions])],
-        ):
-            raise BlobError(f"the model is {inputs} to {outputs}, not of geometry {weights.spec}")
-        try:  # some damage shows only here
-            session.run(None, {_INPUT: _pixels(weights.spec.probe())})
-        except Exception as error:
-            raise BlobError(f"the model cannot be run: {error}") from error
+            raise BlobError(
+                f"ONNX Runtime cannot load the model: {type(error).__name__}"
+            ) from error
         self._loaded = session, weights
 
     def read_back(self) -> Parameters:
@@ -69,8 +62,11 @@ class OnnxKernel:
         preferences: npt.NDArray[np.float32] = session.run(None, {_INPUT: _pixels(observation)})[0][
             0
         ]
-        if not np.isfinite(preferences).all():
-            raise OutputError(f"P is {preferences.tolist()}: no action can be chosen by it")
+        broken = np.count_nonzero(~np.isfinite(preferences))
+        if broken:
+            raise OutputError(
+                f"{broken} of the {preferences.size} outputs are not finite: no action can be chosen by them"
+            )
         return preferences
 
 

@@ -19,7 +19,7 @@ const SCHEMA: ConfigSchema = {
       invented_later: { type: 'integer', default: 1 },
     },
   },
-  presets: { reaching: { nodes: 256 }, pan_tilt: { beta: 3 } },
+  presets: { reaching: { nodes: 256 }, pan_tilt: { beta: 3 }, 'gym:': { beta: 2, nodes: 50 } },
   tasks: [
     { name: 'reaching', title: 'Reaching', ...TASK },
     { name: 'pan_tilt', title: 'Pan tilt', ...TASK },
@@ -60,6 +60,22 @@ test('what a number prints as is read back', () => {
 test('a task has its preset over the defaults', () => {
   expect(presetOf(SCHEMA, 'reaching')).toMatchObject({ nodes: 256, beta: 1, task: 'reaching' });
   expect(presetOf(SCHEMA, 'pan_tilt')).toMatchObject({ nodes: 100, beta: 3 });
+});
+
+test('a Gymnasium environment has the preset of its kind, and needs an id', () => {
+  expect(presetOf(SCHEMA, 'gym:Some-v0')).toMatchObject({
+    nodes: 50,
+    beta: 2,
+    task: 'gym:Some-v0',
+  });
+  const draft = draftOf(SCHEMA, { task: 'gym:space/Some-v0', nodes: 60 });
+  expect(read(SCHEMA, draft)).toMatchObject({
+    config: { task: 'gym:space/Some-v0', nodes: 60 },
+    wrong: {},
+  });
+  for (const task of ['gym:', 'gym:a b', 'gym:a/b/c']) {
+    expect(read(SCHEMA, { ...draft, task }).wrong.task).toContain('the id of an environment');
+  }
 });
 
 test('only what differs from the preset is asked for', () => {

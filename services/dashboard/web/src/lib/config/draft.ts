@@ -60,6 +60,9 @@ export function read(schema: ConfigSchema, draft: Draft): Reading {
     runs: 1,
     wrong: {},
   };
+  if (!/^(?!gym:)|^gym:([\w.-]+\/)?[\w.-]+$/.test(draft.task)) {
+    reading.wrong.task = 'must be the id of an environment, such as CartPole-v1';
+  }
   const swept = new Set(draft.sweep ? ['seed', ...draft.axes.map((axis) => axis.key)] : []);
   const texts = { ...draft.texts, algorithm: draft.algorithm };
   for (const [key, text] of Object.entries(texts)) {

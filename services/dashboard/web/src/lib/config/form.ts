@@ -74,6 +74,9 @@ export function fieldOf(properties: Record<string, JsonSchemaProperty>, key: str
   };
 }
 
+/** Begins the names of tasks that are Gymnasium environments; also the preset of those without their own. */
+export const GYM = 'gym:';
+
 /** What a task's runs have unless something is changed. */
 export function presetOf(schema: ConfigSchema, task: string): Config {
   const defaults = Object.fromEntries(
@@ -82,7 +85,8 @@ export function presetOf(schema: ConfigSchema, task: string): Config {
       property.default ?? null,
     ]),
   );
-  return { ...defaults, ...schema.defaults, ...schema.presets[task], task };
+  const preset = schema.presets[task] ?? (task.startsWith(GYM) ? schema.presets[GYM] : {});
+  return { ...defaults, ...schema.defaults, ...preset, task };
 }
 
 /** A value out of what somebody typed, or what is wrong with it. */

@@ -1,4 +1,7 @@
-"""A float network of the paper's geometry as an ONNX model: the same weights give the same bytes."""
+"""A float network of the paper's geometry as an ONNX model: the same weights give the same bytes.
+
+Needs `onnx`, which learners have, and edges that run float policies.
+"""
 
 from collections.abc import Sequence
 from typing import Any
@@ -42,9 +45,9 @@ def onnx_model(spec: NetworkSpec, weights: Sequence[Floats], biases: Sequence[Fl
         if layer.out_size > 1:
             append("Conv", *names, strides=[layer.stride] * 2)
         else:
-            kernels = kernels.reshape(layer.weight_shape)
             append("Flatten")
             append("Gemm", *names, transB=1)
+        kernels = kernels.reshape(constant_shapes(spec)[names[0]])
         constants += map(numpy_helper.from_array, (kernels, biases[index]), names)
     graph = helper.make_graph(
         nodes,
@@ -57,6 +60,16 @@ def onnx_model(spec: NetworkSpec, weights: Sequence[Floats], biases: Sequence[Fl
     model.ir_version = _IR_VERSION
     encoded: bytes = model.SerializeToString(deterministic=True)
     return encoded
+
+
+def constant_shapes(spec: NetworkSpec) -> dict[str, tuple[int, ...]]:
+    """The shapes of a model's weights and biases, all float32, by name."""
+    shapes: dict[str, tuple[int, ...]] = {}
+    for index, layer in enumerate(spec.layers):
+        kernels = (layer.out_channels, layer.in_channels, layer.kernel, layer.kernel)
+        shapes[f"weights{index}"] = kernels if layer.out_size > 1 else layer.weight_shape
+        shapes[f"biases{index}"] = (layer.out_channels,)
+    return shapes
 
 
 def _tensor(name: str, shape: tuple[int, ...]) -> Any:

@@ -1,0 +1,84 @@
+"""The HTTP server: where it listens, with which limits, and how it ends."""
+
+import socket
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import uvicorn
+from starlette.types import ASGIApp
+
+from bpn_dashboard.access.connections import BACKLOG, Listener
+from bpn_dashboard.hub.websocket import UVICORN_OPTIONS
+from bpn_shared.config import ConfigError
+
+_SHUTDOWN_S = 2
+_QUEUE = 1024
+"""Connections that wait to be accepted; the system has a limit of its own."""
+
+
+class Server(uvicorn.Server):
+    """Serves an application at a socket that listens already.
+
+    Leaves signals to us: uvicorn's own handling ends the process by the signal, past our clean-up.
+    """
+
+    def __init__(
+        self, app: ASGIApp, listener: Listener, certificate: Path | None, key: Path | None
+    ) -> None:
+        config = uvicorn.Config(
+            app,
+            log_config=None,
+            access_log=False,
+            server_header=False,
+            proxy_headers=False,
+            lifespan="on",
+            backlog=BACKLOG,  # how many asyncio accepts in a row
+            timeout_graceful_shutdown=_SHUTDOWN_S,
+            ssl_certfile=certificate,
+            ssl_keyfile=key,
+            **UVICORN_OPTIONS,
+        )
+        super().__init__(config)
+        self._listener = listener
+
+    def serve_until(self, stop: threading.Event) -> None:
+        """Serves until the event is set."""
+
+        def exit_after() -> None:
+            stop.wait()
+            self.should_exit = True
+
+        threading.Thread(target=exit_after, daemon=True).start()
+        self.run(sockets=[self._listener])
+
+    async def startup(self, sockets: list[socket.socket] | None = None) -> None:
+        """Starts to accept."""
+        await super().startup(sockets=sockets)
+        if not self.should_exit:
+            self._listener.listen(_QUEUE)  # the queue that `backlog` has made short
+
+    @contextmanager
+    def capture_signals(self) -> Iterator[None]:
+        """Signals are ours."""
+        yield
+
+
+def listen(host: str, port: int) -> Listener:
+    """A socket that listens; its connections have no limits yet.
+
+    Raises:
+        ConfigError: the address cannot be had.
+    """
+    family = socket.AF_INET6 if ":" in host else socket.AF_INET
+    listener = Listener(family)
+    listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    try:
+        listener.bind((host, port))
+        listener.listen()  # who follows the link at once waits for us, and is not refused
+    except (OSError, OverflowError) as error:
+        listener.close()
+        reason = error.strerror if isinstance(error, OSError) else "ports are 0 to 65535"
+        raise ConfigError(f"--host {host} --port {port}: {reason}; try --port 0") from error
+    return listener

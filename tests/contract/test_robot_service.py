@@ -1,0 +1,169 @@
+"""The robot's end of the protocol, spoken to as an edge would."""
+
+import threading
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from learner_side import RUN
+from loop_parts import Running
+
+from bpn_robot_sim import service as robot_sim
+from bpn_robot_sim.robot import make_robot
+from bpn_shared import keys
+from bpn_shared.bus.ask import ask
+from bpn_shared.bus.latest import DirectSubscriber, LatestPublisher
+from bpn_shared.bus.session import Bus
+from bpn_shared.config import RunConfig
+from bpn_shared.messages.action import Action
+from bpn_shared.messages.control import Reset, ResetReply
+from bpn_shared.messages.frame import NO_ACTION, FrameHeader, FrameKind, decode_frame
+from bpn_shared.service import Waiting
+
+LOCKSTEP = RunConfig.for_task("reaching", nodes=16, steps=3)
+REALTIME = RunConfig.for_task("tracking", nodes=16, steps=4, pacing="realtime")
+
+
+class EdgeSide:
+    """Begins episodes, keeps the frames that come, and answers when it is told to."""
+
+    def __init__(self, bus: Bus, config: RunConfig) -> None:
+        self._bus, self._config = bus, config
+        self._news = threading.Condition()
+        self.frames: list[tuple[FrameHeader, np.ndarray]] = []
+        self._actions = LatestPublisher(bus, keys.action(RUN, 0), "action")
+        self._subscriber = DirectSubscriber(bus, keys.frame(RUN, 0), self._take)
+
+    def _take(self, attachment: bytes, payload: bytes, _t_ns: int) -> None:
+        frame = decode_frame(attachment, payload, self._config.task_spec.frame_shape)
+        with self._news:
+            self.frames.append(frame)
+            self._news.notify_all()
+
+    def reset(self, reset_id: int, seed: int = 3, episode: int = 1) -> None:
+        body = Reset(iteration=2, episode=episode, seed=seed, reset_id=reset_id).encode()
+        reply = ask(
+            self._bus, keys.reset(RUN, 0), body, ResetReply.decode, stop=threading.Event(),
+            waiting=Waiting(), waiting_for="the robot", on_refusal=pytest.fail,
+        )  # fmt: skip
+        assert reply == ResetReply(reset_id=reset_id)
+
+    def frame(self, step: int, reset_id: int, count: int = 1) -> tuple[FrameHeader, np.ndarray]:
+        """That frame, as soon as it has come so often."""
+
+        def found() -> list[tuple[FrameHeader, np.ndarray]]:
+            return [f for f in self.frames if (f[0].step, f[0].reset_id) == (step, reset_id)]
+
+        with self._news:
+            assert self._news.wait_for(lambda: len(found()) >= count, 20), f"no frame {step}"
+            return found()[-1]
+
+    def act(self, action: int, step: int, reset_id: int) -> None:
+        self._actions.put(Action(action, step, 7, reset_id, 1, 1).encode())
+
+
+@pytest.fixture
+def edge(open_bus: Callable[[], Bus]) -> Callable[[RunConfig], EdgeSide]:
+    return lambda config: EdgeSide(open_bus(), config)
+
+
+def test_in_lockstep_each_frame_is_what_the_action_made_of_the_world(
+    edge: Callable[[RunConfig], EdgeSide], running: Callable[..., Running]
+) -> None:
+    running("robot_sim", robot_sim.serve, LOCKSTEP)
+    side, twin = edge(LOCKSTEP), make_robot("reaching")
+    side.reset(5)
+    expected, applied = twin.reset(3), NO_ACTION
+    for step, action in enumerate([6, 13, 0, None]):
+        header, pixels = side.frame(step, 5)
+        np.testing.assert_array_equal(pixels, expected)
+        kind = {0: FrameKind.FIRST, 3: FrameKind.LAST}.get(step, FrameKind.MID)
+        assert header._replace(t_capture_ns=0, camera_to_action_ns=0, reward=0.0) == FrameHeader(
+            kind, 2, 1, step, 5, 0, applied, reward=0.0
+        )
+        assert np.isnan(header.reward)  # this task's is in its pixels
+        assert (header.camera_to_action_ns > 0) == (step > 0)
+        assert header.success is None
+        if action is not None:
+            side.act(action, step, 5)
+            twin.command(action)
+            twin.settle()
+            expected, applied = twin.frame(), action
+    twin.close()
+
+
+def test_in_lockstep_the_frame_is_sent_again_and_the_world_waits(
+    edge: Callable[[RunConfig], EdgeSide],
+    running: Callable[..., Running],
+    wait_for: Callable[..., None],
+) -> None:
+    robot, side = running("robot_sim", robot_sim.serve, LOCKSTEP), edge(LOCKSTEP)
+    side.reset(5)
+    side.frame(0, 5)
+    for counter, strange in (
+        ("actions_for_other_frames", (6, 0, 4)),  # of another episode
+        ("actions_for_other_frames", (6, 1, 5)),  # of another step
+        ("actions_refused", (14, 0, 5)),  # none of the task's
+    ):
+        before = robot.counters.get(counter, 0)
+        side.act(*strange)
+        wait_for(lambda: robot.counters.get(counter, 0) == before + 1, counter)  # noqa: B023
+    side.frame(0, 5, count=3)
+    assert robot.counters["frames_sent_again"] >= 1
+    before = len(side.frames)
+    side.reset(5)  # asked again, it sends the frame again and does not begin anew
+    side.frame(0, 5, count=before + 1)
+    side.act(6, 0, 5)
+    assert side.frame(1, 5)[0].applied_action == 6
+    side.reset(6, episode=4)  # another one begins at once
+    header, _ = side.frame(0, 6)
+    assert (header.episode, header.kind) == (4, FrameKind.FIRST)
+
+
+def test_in_realtime_a_robot_without_an_action_holds_and_counts(
+    edge: Callable[[RunConfig], EdgeSide], running: Callable[..., Running]
+) -> None:
+    running("robot_sim", robot_sim.serve, REALTIME)
+    side, hold = edge(REALTIME), REALTIME.task_spec.hold_action
+    side.reset(5)
+    last, _ = side.frame(REALTIME.steps, 5)
+    headers = [side.frame(step, 5)[0] for step in range(REALTIME.steps + 1)]
+    assert [header.applied_action for header in headers] == [NO_ACTION, *[hold] * 4]
+    assert [header.deadline_misses for header in headers] == [0, 1, 2, 3, 4]
+    assert {header.camera_to_action_ns for header in headers} == {0}
+    assert last.kind == FrameKind.LAST
+    period_ns = REALTIME.task_spec.control_period_s * 1e9
+    times_ns = np.array([header.t_capture_ns for header in headers], float)
+    assert (np.diff(times_ns) >= 0.99 * period_ns).all()
+
+
+def test_the_last_frame_is_sent_until_another_episode_begins(
+    edge: Callable[[RunConfig], EdgeSide], running: Callable[..., Running]
+) -> None:
+    running("robot_sim", robot_sim.serve, LOCKSTEP)
+    side = edge(LOCKSTEP)
+    side.reset(5)
+    for step in range(3):
+        side.frame(step, 5)
+        side.act(3, step, 5)
+    first, _ = side.frame(3, 5)
+    again, _ = side.frame(3, 5, count=3)
+    assert first.encode() == again.encode()
+    side.reset(6)
+    side.frame(0, 6)
+    assert [f[0].reset_id for f in side.frames] == sorted(f[0].reset_id for f in side.frames)
+
+
+def test_a_camera_that_shows_nothing_is_refused_at_the_start(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    from bpn_robot_sim.reaching.robot import ReachingRobot
+    from bpn_robot_sim.rendering import RenderingError
+    from bpn_robot_sim.robot import robot_for
+
+    robot_for(LOCKSTEP.task_spec).close()
+    black: Any = np.zeros((1, 84, 84), np.uint8)
+    monkeypatch.setattr(ReachingRobot, "frame", lambda _: black)
+    with pytest.raises(RenderingError, match="its pictures have one colour only"):
+        robot_for(LOCKSTEP.task_spec)
