@@ -9,7 +9,7 @@ PACKAGES := shared services/edge services/learner services/robot_sim services/da
 SOURCES := $(PACKAGES:%=%/bpn*)
 
 .DEFAULT_GOAL := help
-.PHONY: help up test mutants test-browser test-containers test-chaos test-fresh-machine screenshots lint check-claims format bench bench-sweep reproduce reproduce-quick doctor clean
+.PHONY: help up test mutants fuzz test-sanitized test-browser test-containers test-chaos test-fresh-machine screenshots lint check-claims format bench bench-sweep reproduce reproduce-quick doctor clean
 
 help:            ## this list
 	@grep -hE '^[a-z-]+: .*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 20
@@ -20,6 +20,16 @@ up: $(INSTALLED) ## start the dashboard and workers, with a first run
 test: lint       ## lint, then every test that takes seconds, then those that take minutes
 	$(BIN)/pytest tests --ignore=tests/browser
 	$(MAKE) test-browser
+
+test-sanitized: $(INSTALLED) ## both C++ kernels under the address and undefined-behaviour sanitizers (minutes)
+	deploy/local/sanitize.sh $(BIN)/python
+
+INPUTS ?= 1000000
+SEED ?= $(shell date +%s)
+
+fuzz: $(INSTALLED) ## a million changed inputs for whatever reads bytes from elsewhere; SEED=N repeats
+	@echo "SEED=$(SEED) INPUTS=$(INPUTS)"
+	BPN_FUZZ_SEED=$(SEED) BPN_FUZZ_INPUTS=$(INPUTS) $(BIN)/pytest -q tests/security/test_decoders.py
 
 test-browser: $(INSTALLED) ## the web UI in Chromium: journeys, accessibility, nothing leaves the machine
 	sh deploy/local/check-system.sh $(PYTHON) browser

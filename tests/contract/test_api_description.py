@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from schemathesis import GenerationMode
 from schemathesis.specs.openapi.checks import positive_data_acceptance
 
+from bpn_dashboard.access.limits import WrongTokens
 from bpn_dashboard.access.tokens import Tokens
 from bpn_dashboard.api.app import create_app
 from bpn_dashboard.api.context import Context
@@ -36,6 +37,7 @@ MORE_THAN_A_SCHEMA = {
     "GET /api/v1/runs",
     "GET /api/v1/runs/{run_id}/logs",
     "GET /api/v1/sweeps",
+    "POST /api/v1/runs",  # values must fit together, and an environment be there
     "POST /api/v1/series/query",  # either runs or filter
     "POST /api/v1/sweeps",  # at most so many runs, and seed not in both grid and seeds
 }
@@ -55,7 +57,8 @@ def api(tmp_path_factory):
             points = Points.written(range(10), [float(i) for i in range(10)])
             series_store.append(session, run.id, {"return_px": points})
     ingest.start()
-    app = create_app(Context(database, runs, ingest, counters))
+    patient = WrongTokens(limit=100_000)  # wrong tokens are among what is tried
+    app = create_app(Context(database, runs, ingest, counters, wrong_tokens=patient))
     _, token = Tokens(database).issue("token", "test", "admin")
     schema = schemathesis.openapi.from_asgi(
         "/api/v1/openapi.json",

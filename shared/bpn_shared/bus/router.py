@@ -16,10 +16,11 @@ from bpn_shared.bus.obstacle import obstacle, own_obstacle, plain
 from bpn_shared.bus.renewal import CertificateWatch
 from bpn_shared.bus.router_config import SECURE_ENDPOINT, bare, secure
 from bpn_shared.bus.session import DEFAULT_ENDPOINT, prepare_process
+from bpn_shared.bus.session_shares import SessionShares
 from bpn_shared.config import ConfigError
 from bpn_shared.errors import InputError
 from bpn_shared.heartbeat import Heartbeat
-from bpn_shared.service import end_with_supervisor, set_up_logging, stop_on_signals
+from bpn_shared.service import Counters, end_with_supervisor, set_up_logging, stop_on_signals
 
 log = logging.getLogger("bpn_router")
 
@@ -118,10 +119,11 @@ def serve(
     files = certificate_files(config)
     watch = None if files is None else CertificateWatch(files)
     door, ready = _own_door(endpoints(config)[0]), True
+    share, counters = _share(config), Counters()
     heartbeat.ready_when(lambda: ready)
     log.info("router listens at %s", ", ".join(endpoints(config)))
     while not stop.is_set():
-        with _listening(config, stop):
+        with _listening(config, stop) as session, SessionShares(session, share, counters):
             while not stop.is_set():
                 ready = not obstacle(door, files, any_name=True)
                 if watch is not None:
@@ -130,6 +132,11 @@ def serve(
                         log.info("there are new certificates: everyone connects anew")
                         break
                 stop.wait(period_s)
+
+
+def _share(config: zenoh.Config) -> int:
+    """The sessions that one certificate may have: half, so that it keeps nobody else out."""
+    return max(1, int(json.loads(config.get_json("transport/unicast/max_sessions"))) // 2)
 
 
 def _listening(config: zenoh.Config, stop: threading.Event) -> zenoh.Session:
