@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from schemathesis import GenerationMode
 from schemathesis.specs.openapi.checks import positive_data_acceptance
 
+from bpn_dashboard.access.limits import WrongTokens
 from bpn_dashboard.access.tokens import Tokens
 from bpn_dashboard.api.app import create_app
 from bpn_dashboard.api.context import Context
@@ -55,7 +56,9 @@ def api(tmp_path_factory):
             points = Points.written(range(10), [float(i) for i in range(10)])
             series_store.append(session, run.id, {"return_px": points})
     ingest.start()
-    app = create_app(Context(database, runs, ingest, counters))
+    # Wrong tokens are tried with every operation; that they are slowed down is tested where access is.
+    patient = WrongTokens(limit=1_000_000)
+    app = create_app(Context(database, runs, ingest, counters, wrong_tokens=patient))
     _, token = Tokens(database).issue("token", "test", "admin")
     schema = schemathesis.openapi.from_asgi(
         "/api/v1/openapi.json",
