@@ -37,6 +37,7 @@ MORE_THAN_A_SCHEMA = {
     "GET /api/v1/runs",
     "GET /api/v1/runs/{run_id}/logs",
     "GET /api/v1/sweeps",
+    "POST /api/v1/runs",  # integers without a point, and keys that depend on each other
     "POST /api/v1/series/query",  # either runs or filter
     "POST /api/v1/sweeps",  # at most so many runs, and seed not in both grid and seeds
 }
