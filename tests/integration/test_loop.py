@@ -10,7 +10,6 @@ import numpy as np
 import psutil
 import pytest
 import torch
-from prescribed import check_actions
 
 from bpn_learner.checkpoint import decode_checkpoint
 from bpn_learner.networks import BinaryNetwork
@@ -66,11 +65,6 @@ def test_every_recorded_output_is_what_the_golden_model_says(undisturbed: dict[s
             episode = Episode.decode(data, task)
             for frame, outputs in zip(episode.frames, episode.outputs, strict=False):
                 np.testing.assert_array_equal(golden.forward(blob, frame)[-1], outputs)
-
-
-def test_every_action_is_the_one_that_is_prescribed(undisturbed: dict[str, Any]) -> None:
-    folder = RunFolder.open(Path(undisturbed["runs_dir"]), undisturbed["run_id"])
-    assert check_actions(folder) == 48 * STEPS
 
 
 def test_after_training_the_folded_blob_is_the_evaluated_network(
@@ -175,7 +169,7 @@ def test_a_damaged_checkpoint_fails_once_and_names_the_remedy(
     )  # fmt: skip
     assert done.returncode == 1
     assert "cannot be resumed from" in done.stderr
-    assert "Remove it to train the run from its beginning" in done.stderr
+    assert "remove checkpoint.safetensors to train the run from its beginning" in done.stderr
     assert folder.state().state == "failed"
     assert folder.state().attempt == 2  # a restart would not mend it, and none was tried
 

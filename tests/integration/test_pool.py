@@ -1,111 +1,39 @@
 """`bpn up` as its users have it: runs are started in the dashboard, workers take them, anything may die."""
 
 import argparse
-import contextlib
-import json
-import os
 import signal
 import subprocess
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import psutil
 import pytest
+from pool import Pool, running_pool
 
 from bpn.dashboard import Dashboard
 from bpn.options import add_run_options
 from bpn_learner.initial import has_gpu
-from bpn_shared import keys
-from bpn_shared.bus.liveliness import TokenWatch
-from bpn_shared.bus.requests import request
-from bpn_shared.bus.session import Bus
 from bpn_shared.errors import InputError
-from bpn_shared.runs.folder import RunFolder
 
 LONG_S = 150.0
 Train = Callable[..., dict[str, Any]]
 WaitFor = Callable[..., None]
 
 
-@dataclass
-class Pool:
-    """A running `bpn up` and its dashboard."""
-
-    process: subprocess.Popen[str]
-    runs_dir: Path
-    dashboard: Dashboard
-
-    def pid_of(self, name: str) -> list[int]:
-        """The processes of a service's module."""
-        found = []
-        for child in psutil.Process(self.process.pid).children():
-            with contextlib.suppress(psutil.NoSuchProcess):  # just killed
-                if name in child.cmdline():
-                    found.append(child.pid)
-        return found
-
-    def folder(self, run_id: str) -> RunFolder:
-        return RunFolder(self.runs_dir / run_id)
-
-    def state(self, run_id: str) -> str:
-        state: str = self.dashboard.run(run_id)["state"]
-        return state
-
-    def sha256(self, run_id: str) -> str:
-        return self.folder(run_id).newest_weights().content_sha256()
-
-
 @pytest.fixture(scope="module")
-def pool(
-    tmp_path_factory: pytest.TempPathFactory,
-    command: Callable[..., list[str]],
-    wait_for: WaitFor,
-) -> Iterator[Pool]:
+def pool(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Pool]:
     runs_dir = tmp_path_factory.mktemp("pool")
-    process = subprocess.Popen(
-        command("up", "--learners", "2", "--port", "0", "--runs-dir", str(runs_dir)),
-        stdout=subprocess.PIPE,
-        text=True,
-    )
-    found: list[Dashboard | None] = []
-    try:
-        wait_for(
-            lambda: found.append(Dashboard.find(runs_dir)) or found[-1], "the dashboard", LONG_S
-        )
-        assert found[-1] is not None
-        yield Pool(process, runs_dir, found[-1])
-    finally:
-        process.send_signal(signal.SIGINT)
-        output, _ = process.communicate(timeout=20)
-    assert process.returncode == 130
-    assert "bpn dashboard: http://127.0.0.1:" in output
-    assert "#token=" in output
+    with running_pool(runs_dir, "--learners", "2", first_run=True) as running:
+        yield running
 
 
 @pytest.fixture(scope="module")
 def config(small: list[str]) -> dict[str, Any]:
     """The small run as the dashboard takes it."""
     parser = argparse.ArgumentParser()
-    add_run_options(parser)
+    add_run_options(parser, small)
     given = {key: value for key, value in vars(parser.parse_args(small)).items() if value}
     return {"task": "reaching"} | {key: int(value) for key, value in given.items()}
-
-
-def learner_pid(pool: Pool, run_id: str, wait_for: WaitFor, rank: int = 0) -> int:
-    """Of the learner that works on a run, as it says itself."""
-    with Bus(pool.dashboard.endpoint) as bus:
-        tokens: list[str] = []
-        watch = TokenWatch(
-            bus, keys.lease(run_id, "learner", rank, "*"), lambda key, _: tokens.append(key)
-        )
-        wait_for(lambda: tokens, "the token of the learner", LONG_S)
-        worker = tokens[-1].rsplit("/", 1)[-1]
-        report = json.loads(request(bus, keys.health("learner", worker), b"", timeout_s=20.0))
-        del watch
-    assert report["run"] == run_id
-    return int(report["pid"])
 
 
 def test_there_is_a_first_run_and_it_can_be_stopped(pool: Pool, wait_for: WaitFor) -> None:
@@ -137,9 +65,9 @@ def test_two_learners_share_a_sweep_and_one_may_die(
     wait_for(lambda: pool.folder(first).episode_path(1, 3).exists(), "the middle", LONG_S)
     states = [pool.state(run_id) for run_id in runs.values()]
     assert states.count("running") == 2  # two learners, two robots with their edges
-    victim = learner_pid(pool, first, wait_for)
-    assert victim in pool.pid_of("bpn_learner")
-    os.kill(victim, signal.SIGKILL)
+    victim = pool.learner(first)
+    assert victim in pool.services("bpn_learner")
+    victim.kill()
 
     def states_of_all() -> dict[str, int]:
         found: dict[str, int] = pool.dashboard._call("GET", f"/sweeps/{sweep['id']}")["states"]
@@ -164,7 +92,7 @@ def test_two_learners_share_a_run_and_either_may_die(
     folder = pool.folder(run_id)
     for iteration, rank in ((1, 1), (2, 0)):
         wait_for(folder.episode_path(iteration, 3).exists, f"iteration {iteration}", LONG_S)
-        os.kill(learner_pid(pool, run_id, wait_for, rank), signal.SIGKILL)
+        pool.learner(run_id, rank).kill()
     wait_for(lambda: pool.state(run_id) == "finished", "the run's end", LONG_S)
     assert pool.sha256(run_id) == alone["weights_sha256"]
     assert folder.state().attempt == 2  # the second learner's death ended no attempt
@@ -176,9 +104,9 @@ def test_the_dashboard_may_die_in_the_middle_of_a_run(
 ) -> None:
     run_id = pool.dashboard.create_run(config | {"seed": 5})["id"]
     wait_for(lambda: pool.folder(run_id).episode_path(1, 3).exists(), "the middle", LONG_S)
-    (victim,) = pool.pid_of("bpn_dashboard")
-    os.kill(victim, signal.SIGKILL)
-    wait_for(lambda: pool.pid_of("bpn_dashboard") not in ([], [victim]), "another one", LONG_S)
+    (victim,) = pool.services("bpn_dashboard")
+    victim.kill()
+    wait_for(lambda: pool.services("bpn_dashboard") not in ([], [victim]), "another one", LONG_S)
 
     def back() -> bool:
         found = Dashboard.find(pool.runs_dir)
@@ -281,9 +209,8 @@ def test_workers_keep_nothing_of_the_runs_that_they_served(
             wait_for(lambda r=run_id: pool.state(r) == "finished", "a tiny run", LONG_S)
         counts: dict[int, tuple[int, int]] = {}
         for module in modules:
-            for pid in pool.pid_of(module):
-                worker = psutil.Process(pid)
-                counts[pid] = worker.num_threads(), worker.num_fds()
+            for worker in pool.services(module):
+                counts[worker.pid] = worker.num_threads(), worker.num_fds()
         return counts
 
     serve_some()

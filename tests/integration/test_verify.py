@@ -7,10 +7,10 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 
-from bpn.verify.findings import CHECKS
+from bpn.verify.findings import CHECKS, Difference, Findings
+from bpn.verify.verification import Verification
 from bpn_shared.bnn.blob import WeightBlob
 from bpn_shared.config import RunConfig
 from bpn_shared.runs.folder import RunFolder
@@ -38,18 +38,12 @@ RUNS = {
 NOT_JUDGED = {"dqn": {"gradients"}, "pan and tilt": {"gradients"}}  # by autograd in the first place
 
 
-def verified(command: Command, folder: RunFolder, *options: str) -> tuple[int, dict[str, Any]]:
-    """Exit status and what it says."""
-    done = subprocess.run(
-        command("verify", str(folder.run), "--runs-dir", str(folder.path.parent), "--json", *options),
-        capture_output=True, text=True, timeout=200, check=False,
-    )  # fmt: skip
-    assert done.returncode in (0, 1), done.stderr
-    return done.returncode, json.loads(done.stdout)
+def verified(folder: RunFolder, *, elsewhere: bool = False) -> Findings:
+    return Verification(folder, elsewhere=elsewhere).run()
 
 
-def differing(told: dict[str, Any]) -> dict[str, Any]:
-    return {n: c["differences"] for n, c in told["checks"].items() if c["verdict"] == "differs"}
+def differing(findings: Findings) -> dict[str, list[Difference]]:
+    return {n: check.differences for n, check in findings.checks.items() if check.differences}
 
 
 def folder_of(run: dict[str, Any]) -> RunFolder:
@@ -78,22 +72,30 @@ def test_the_values_are_not_the_defaults() -> None:
 
 
 @pytest.mark.parametrize("name", RUNS)
-def test_a_run_agrees_with_what_is_recomputed(name: str, train: Train, command: Command) -> None:
-    folder = folder_of(train(*RUNS[name], *SMALL))
-    status, told = verified(command, folder)
-    assert differing(told) == {}
-    assert (status, told["agrees"], told["iterations"]) == (0, True, 3)
-    judged = {n for n, check in told["checks"].items() if check["compared"]}
+def test_a_run_agrees_with_what_is_recomputed(name: str, train: Train) -> None:
+    findings = verified(folder_of(train(*RUNS[name], *SMALL)))
+    assert differing(findings) == {}
+    judged = {n for n, check in findings.checks.items() if check.compared}
     assert judged == set(CHECKS) - NOT_JUDGED.get(name, set())
-    assert told["checks"]["actions"]["compared"] >= 3 * 4 * 4
-    by_pixels = folder.config().task_spec.rewards == "pixels"
-    assert any("rewards" in text for text in told["trusted"]) != by_pixels
+    assert findings["actions"].compared >= 3 * 4 * 4
 
 
-def test_a_run_made_elsewhere_agrees_within_rounding(bpn: RunFolder, command: Command) -> None:
-    status, told = verified(command, bpn, "--elsewhere")
-    assert (status, differing(told)) == (0, {})
-    assert any("rounding alone" in note for note in told["checks"]["weights"]["notes"])
+def test_a_run_made_elsewhere_agrees_within_rounding(bpn: RunFolder) -> None:
+    findings = verified(bpn, elsewhere=True)
+    assert differing(findings) == {}
+    assert any("rounding alone" in note for note in findings["weights"].notes)
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [{"learning_rate_final": 1.0}, {"learning_rate": 1e-3}, {"epochs": 8}, {"datasets": 9}],
+)
+def test_within_rounding_another_training_is_told_from_this(
+    bpn: RunFolder, changes: dict[str, float], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked = bpn.config().model_copy(update=changes)
+    monkeypatch.setattr(RunFolder, "config", lambda _: asked)
+    assert not verified(bpn, elsewhere=True).agrees
 
 
 def test_a_run_that_was_stopped_and_resumed_agrees(
@@ -107,22 +109,22 @@ def test_a_run_that_was_stopped_and_resumed_agrees(
     process.terminate()
     process.wait(30)
     (folder,) = (RunFolder(path.parent) for path in tmp_path.glob("*/config.json"))
-    status, told = verified(command, folder)
-    assert (status, differing(told)) == (0, {})
-    assert told["iterations"] < 3
+    assert differing(verified(folder)) == {}
+    assert len(folder.metrics()) < 3
     train("--resume", str(folder.run), runs_dir=tmp_path)
-    status, told = verified(command, folder)
-    assert (status, differing(told), told["iterations"]) == (0, {}, 3)
+    assert differing(verified(folder)) == {}
+    assert len(folder.metrics()) == 3
 
 
-def test_in_realtime_actions_are_those_that_were_applied(train: Train, command: Command) -> None:
-    """With a delay longer than the control period, so that every action comes too late."""
+def test_in_realtime_actions_are_those_that_were_applied(train: Train) -> None:
+    """With a delay longer than the control period, so that every action answers an older frame."""
     run = train(
         "reaching", "--pacing", "realtime", "--action-delay-ms", "160", "--iterations", "1",
         "--episodes", "2", "--epochs", "1", "--steps", "8", "--nodes", "16",
     )  # fmt: skip
-    status, told = verified(command, folder_of(run))
-    assert (status, differing(told)) == (0, {})
+    findings = verified(folder_of(run))
+    assert differing(findings) == {}
+    assert findings["actions"].compared == 16
 
 
 def other_weights(folder: RunFolder, version: int) -> None:
@@ -137,56 +139,68 @@ def other_weights(folder: RunFolder, version: int) -> None:
     folder.weights_path(version).write_bytes(changed.encode())
 
 
-def test_one_sign_is_seen(copied: RunFolder, command: Command) -> None:
+def test_one_sign_is_seen(copied: RunFolder) -> None:
     other_weights(copied, 2)
-    status, told = verified(command, copied)
-    assert status == 1
-    found = differing(told)
-    assert found["weights"][0]["where"] == "iteration 1"
-    assert found["weights"][0]["found"].startswith("1 of ")
-    assert {"weights", "digests", "outputs"} >= set(found) >= {"weights", "digests"}
+    found = differing(verified(copied))
+    assert found["weights"][0].where == "iteration 1"
+    assert found["weights"][0].found.startswith("1 of ")
+    assert set(found) >= {"weights", "digests"}
 
 
-def test_another_beginning_is_seen(copied: RunFolder, command: Command) -> None:
+def test_another_beginning_is_seen(copied: RunFolder) -> None:
     other_weights(copied, 0)
-    found = differing(verified(command, copied)[1])
-    assert found["initial weights"][0]["found"].startswith("1 of ")
+    found = differing(verified(copied))
+    assert found["initial weights"][0].found.startswith("1 of ")
 
 
-def test_a_missing_episode_is_seen(copied: RunFolder, command: Command) -> None:
+def test_a_missing_episode_is_seen(copied: RunFolder) -> None:
     copied.episode_path(1, 2).unlink()
-    status, told = verified(command, copied)
-    assert status == 1
-    assert differing(told)["files"][0]["where"] == "iteration 1"
+    assert differing(verified(copied))["files"][0].where == "iteration 1"
 
 
 @pytest.mark.parametrize(
     ("key", "value", "check"),
     [
         ("return_px", -1.0, "returns"), ("length", 19.0, "returns"), ("transitions", 1, "returns"),
+        ("terminated", 1, "returns"), ("successes", 4, "returns"), ("deadline_misses", 1, "returns"),
         ("epsilon", 0.5, "epsilon"), ("updates", 1, "updates"), ("max_target", 0.1, "targets"),
         ("max_preference", 0.1, "targets"), ("loss", 0.1, "losses"), ("loss_first", 0.1, "losses"),
         ("scale", 0.1, "scale"), ("saturation", 0.9, "scale"), ("weights_sha256", "0" * 64, "digests"),
+        ("weights_version", 2, "digests"),
     ],
 )  # fmt: skip
 def test_every_number_of_the_metrics_is_compared(
-    key: str, value: object, check: str, copied: RunFolder, command: Command
+    key: str, value: object, check: str, copied: RunFolder
 ) -> None:
     *_, last = copied.metrics()
     assert last[key] != value
     copied.append_metrics(last | {key: value})
-    found = differing(verified(command, copied)[1])
-    assert set(found) == {check}
+    assert set(differing(verified(copied))) == {check}
 
 
-def test_a_reward_is_compared(copied: RunFolder, command: Command) -> None:
+def test_a_reward_is_compared(copied: RunFolder) -> None:
     rewards = copied.rewards()[2]
     rewards[1][3] -= 0.01
     copied.append_rewards(2, rewards)
-    found = differing(verified(command, copied)[1])
+    found = differing(verified(copied))
     assert set(found) == {"rewards"}
-    assert found["rewards"][0]["where"] == "episode (2, 1), step 3"
-    assert np.isclose(float(found["rewards"][0]["found"]), rewards[1][3])
+    assert found["rewards"][0].where == "episode (2, 1), step 3"
+    assert float(found["rewards"][0].found) == pytest.approx(rewards[1][3])
+
+
+def test_a_script_reads_one_object(copied: RunFolder, command: Command) -> None:
+    *_, last = copied.metrics()
+    copied.append_metrics(last | {"loss": 0.1})
+    done = subprocess.run(
+        command("verify", str(copied.run), "--runs-dir", str(copied.path.parent), "--json"),
+        capture_output=True, text=True, timeout=100, check=False,
+    )  # fmt: skip
+    assert done.returncode == 1, done.stderr
+    told = json.loads(done.stdout)
+    assert (told["agrees"], told["iterations"], set(told["checks"])) == (False, 3, set(CHECKS))
+    (difference,) = told["checks"]["losses"]["differences"]
+    assert difference["where"] == "iteration 2, loss"
+    assert difference["found"] == "0.1"
 
 
 def test_a_person_reads_one_line_for_each_check(bpn: RunFolder, command: Command) -> None:

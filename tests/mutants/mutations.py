@@ -3,6 +3,7 @@
 import ast
 import copy
 from collections.abc import Iterator
+from itertools import islice
 from typing import NamedTuple
 
 _OTHER: dict[type[ast.cmpop], type[ast.cmpop]] = {
@@ -19,27 +20,31 @@ class Mutation(NamedTuple):
     line: int
     function: str
     change: str
-    source: str
-    """Of the whole module with the change."""
+    number: int
+    """Among the module's changes."""
 
 
 def mutations(source: str) -> Iterator[Mutation]:
     """All changes of a module; what is said to people (docstrings, log lines, descriptions) is left alone."""
+    for number, (function, _, _, _, node, change, _) in enumerate(_all(ast.parse(source))):
+        yield Mutation(getattr(node, "lineno", 0), function, change, number)
+
+
+def mutated(source: str, mutation: Mutation) -> str:
+    """The module with the change."""
     tree = ast.parse(source)
-    for function, parent, field, index, node in _nodes(tree, ""):
-        for change, new in _changes(node):
-            before = getattr(parent, field)
-            if index is None:
-                setattr(parent, field, new)
-            else:
-                before[index] = new
-            yield Mutation(
-                node.lineno, function, change, ast.unparse(ast.fix_missing_locations(tree))
-            )
-            if index is None:
-                setattr(parent, field, before)
-            else:
-                before[index] = node
+    _, parent, field, index, _, _, new = next(islice(_all(tree), mutation.number, None))
+    if index is None:
+        setattr(parent, field, new)
+    else:
+        getattr(parent, field)[index] = new
+    return ast.unparse(ast.fix_missing_locations(tree))
+
+
+def _all(tree: ast.AST) -> Iterator[tuple[str, ast.AST, str, int | None, ast.AST, str, ast.AST]]:
+    for place in _nodes(tree, ""):
+        for change, new in _changes(place[-1]):
+            yield *place, change, new
 
 
 def _nodes(node: ast.AST, function: str) -> Iterator[tuple[str, ast.AST, str, int | None, ast.AST]]:

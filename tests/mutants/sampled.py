@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from tests.mutants.mutations import Mutation, mutations
+from tests.mutants.mutations import Mutation, mutated, mutations
 from tests.mutants.tree import ROOT, Tree
 
 MODULES = Path(__file__).with_name("modules.toml")
@@ -57,6 +57,7 @@ def outcomes(
         raise RuntimeError(f"tests of {file} do not pass as it is: {said}")
     timeout_s = _GRACE_S + _PATIENCE * (time.monotonic() - began_s)
     for mutation in chosen:
-        with tree.changed(file, mutation.source):
+        source = mutated((tree.path / file).read_text(), mutation)
+        with tree.changed(file, source):
             outcome, said = tree.pytest(tests, timeout_s)
         yield mutation, {"passed": "survived", "failed": "killed"}.get(outcome, outcome), said

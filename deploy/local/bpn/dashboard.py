@@ -57,7 +57,8 @@ class Dashboard:
             address = json.loads((runs_dir / ADDRESS_FILE).read_bytes())
             certificate = address.get("certificate")
             found = cls(address["url"], address["token"], address["endpoint"], certificate)
-            found._http.get("/healthz", timeout=_FIND_TIMEOUT_S).raise_for_status()
+            # With the token: the file may be of one that was killed, whose port the next one has.
+            found._http.get("/api/v1/session", timeout=_FIND_TIMEOUT_S).raise_for_status()
             return found
         except (OSError, ValueError, KeyError, httpx.HTTPError):
             return None

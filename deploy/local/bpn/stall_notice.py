@@ -7,7 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from bpn_shared.messages.telemetry import Telemetry
-from bpn_shared.watchdog import Circumstances, Watchdog
+from bpn_shared.watchdog import STALLED_AFTER_S, Circumstances, Watchdog
 
 _LEAST_FREE_BYTES = 64 * 1024 * 1024
 
@@ -27,7 +27,8 @@ class StallNotice:
     def update(self, reason: str, for_s: float) -> None:
         """What the run waits for now, and for how long it has; no reason if it makes progress."""
         if reason and reason != self._said:
-            self._say(f"no progress for {for_s:.0f} s: {reason}")
+            stalled = for_s >= STALLED_AFTER_S  # less: it is in the queue
+            self._say(f"{f'no progress for {for_s:.0f} s' if stalled else 'waiting'}: {reason}")
         elif self._said and not reason:
             self._say(f"goes on after {self._for_s:.0f} s")
         self._said, self._for_s = reason, for_s

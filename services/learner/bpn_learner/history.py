@@ -52,11 +52,13 @@ class History:
                 )
             return network, optimizer, 0
         except OSError as error:
-            raise CheckpointError(f"{path}: {error.strerror}; {REMEDY}") from error
+            raise CheckpointError(
+                f"{path} cannot be resumed from: {error.strerror}; {REMEDY}"
+            ) from error
         try:
             done = decode_checkpoint(data, network, optimizer)
         except CheckpointError as error:
-            raise CheckpointError(f"{path}: {error}") from error
+            raise CheckpointError(f"{path} cannot be resumed from: {error}") from error
         network.eval()
         return network, optimizer, done
 

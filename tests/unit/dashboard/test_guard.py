@@ -1,5 +1,6 @@
 """The guard by itself, around an application that only says that it was reached."""
 
+import asyncio
 import re
 
 import pytest
@@ -33,6 +34,22 @@ def test_request_ids_are_the_servers_own(client, given: str) -> None:
     assert answer.headers["x-own"] == answer.headers["x-request-id"]
     again = client.get("/", headers={"X-Request-Id": given.encode()})
     assert again.headers["x-request-id"] != answer.headers["x-request-id"]
+
+
+def test_what_is_no_request_passes_as_it_is() -> None:
+    """The server's word that it begins and ends."""
+    passed = []
+
+    async def application(*arguments) -> None:
+        passed.append(arguments)
+
+    async def receive() -> None: ...
+
+    async def send(_message) -> None: ...
+
+    scope = {"type": "lifespan"}
+    asyncio.run(Guard(application)(scope, receive, send))
+    assert passed == [(scope, receive, send)]
 
 
 @pytest.mark.parametrize(("size", "status"), [(0, 200), (LIMIT, 200), (LIMIT + 1, 413)])

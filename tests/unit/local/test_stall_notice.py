@@ -14,10 +14,12 @@ def test_a_reason_is_said_once_another_one_again_and_the_end_once() -> None:
     said: list[str] = []
     notice = StallNotice(said.append)
     for reason, for_s in [
-        ("", 1), ("it waits", 30), ("it waits", 31), ("it is full", 40), ("it is full", 50), ("", 0), ("", 0),
+        ("", 1), ("2 runs before it", 3), ("it waits", 30), ("it waits", 31),
+        ("it is full", 40), ("it is full", 50), ("", 0), ("", 0),
     ]:  # fmt: skip
         notice.update(reason, for_s)
     assert said == [
+        "waiting: 2 runs before it",
         "no progress for 30 s: it waits",
         "no progress for 40 s: it is full",
         "goes on after 50 s",

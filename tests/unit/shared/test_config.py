@@ -1,3 +1,4 @@
+from itertools import pairwise
 from typing import Any
 
 import pytest
@@ -160,3 +161,69 @@ def test_the_rate_falls_linearly_over_the_run(iterations: int, last: float) -> N
     assert shares == sorted(shares, reverse=True)
     if iterations > 1:
         assert shares[-1] == pytest.approx(last)
+
+
+DEFAULTS: dict[str, Any] = {
+    "task": "reaching", "algorithm": "bpn", "seed": 0, "frame_channels": 1, "frames_stacked": 1,
+    "frame_skip": 1, "actions": 14, "iterations": 50, "episodes": 10, "steps": 20, "epochs": 50,
+    "batch": 32, "datasets": 3, "alpha": 0.95, "beta": 1.0, "gamma": 0.99, "mask_terminals": False,
+    "relative_targets": False, "epsilon_initial": 1.0, "epsilon_final": 0.05, "nodes": 100,
+    "learning_rate": 1e-3, "learning_rate_final": 0.02, "learning_rate_last": 0.1,
+    "scale_initial": 0.2, "reward_scale": 0.1, "engine": "fast", "learners": 1, "device": "cpu",
+    "tensorboard": False, "robots": 1, "pacing": "lockstep", "action_delay_ms": 0.0, "kernel": "native",
+}  # fmt: skip
+_FRAMED = {
+    "frame_channels": 3,
+    "frames_stacked": 2,
+    "relative_targets": True,
+    "learning_rate_last": 0.05,
+}
+PRESET_VALUES: dict[str, dict[str, Any]] = {
+    "reaching": {"nodes": 256, "relative_targets": True, "learning_rate_last": 0.05},
+    "tracking": {**_FRAMED, "actions": 7, "steps": 40, "nodes": 256, "reward_scale": 0.2},
+    "pan_tilt": {**_FRAMED, "actions": 17, "iterations": 150, "steps": 80, "beta": 3.0},
+    "gym:CartPole-v1": {
+        "frames_stacked": 2, "frame_skip": 3, "actions": 2, "iterations": 30, "episodes": 60,
+        "steps": 100, "epochs": 10, "datasets": 6, "alpha": 0.9, "gamma": 0.9,
+        "mask_terminals": True, "relative_targets": True, "nodes": 256, "learning_rate": 3e-3,
+        "scale_initial": 0.05, "reward_scale": 0.6,
+    },
+    "gym:Other-v0": {
+        "frames_stacked": 2, "actions": 5, "steps": 200, "mask_terminals": True, "reward_scale": 1.0,
+    },
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("task", PRESET_VALUES)
+def test_every_default_and_preset_is_what_published_runs_were_made_with(task: str) -> None:
+    """A value that changes makes other weights of the same command."""
+    given = {"actions": 5} if task == "gym:Other-v0" else {}
+    expected = DEFAULTS | {"task": task} | PRESET_VALUES[task]
+    assert RunConfig.for_task(task, **given).model_dump() == expected
+
+
+def test_without_a_task_the_fields_defaults_hold() -> None:
+    assert RunConfig().model_dump() == DEFAULTS
+
+
+@given(st.integers(1, 60), st.integers(0, 59), st.floats(0, 1), st.floats(0, 1))
+def test_epsilon_falls_on_a_line_over_half_of_the_run(
+    iterations: int, iteration: int, initial: float, final: float
+) -> None:
+    config = RunConfig(
+        algorithm="dqn", iterations=iterations, epsilon_initial=initial, epsilon_final=final
+    )
+    share = min(1.0, iteration / (iterations / 2))
+    assert config.epsilon(iteration) == pytest.approx((1 - share) * initial + share * final)
+    assert RunConfig(iterations=iterations).epsilon(iteration) == 0
+
+
+@given(st.integers(2, 60), st.floats(0, 1))
+def test_the_learning_rate_falls_on_a_line_over_the_run(iterations: int, last: float) -> None:
+    config = RunConfig(iterations=iterations, learning_rate_last=last)
+    shares = [config.learning_rate_share(iteration) for iteration in range(iterations)]
+    assert shares[0] == 1
+    assert shares[-1] == pytest.approx(last)
+    steps = [b - a for a, b in pairwise(shares)]
+    assert steps == pytest.approx([(last - 1) / (iterations - 1)] * (iterations - 1))
+    assert RunConfig(iterations=1, learning_rate_last=last).learning_rate_share(0) == 1

@@ -18,6 +18,7 @@ from bpn_shared.weights import Weights
 STRIDES = (4, 2, 1, 1, 1)
 KERNELS = (8, 4, 3, 7, 1)
 _PART = 256
+_ROUNDING = 1e-9
 
 
 def observations(frames: Tensor, stacked: int) -> Tensor:
@@ -114,17 +115,21 @@ def _of_model(weights: FloatWeights) -> Policy:
 
 
 def softmax_choice(P: npt.NDArray[np.float64], beta: float, uniform: float) -> set[int]:
-    """Actions that exp(beta P) / sum and a uniform number may mean: one, or two where rounding decides."""
+    """Actions that exp(beta P) / sum and a uniform number may mean: one, or more where rounding decides."""
     weights = np.exp(beta * (P - P.max()))
     shares = np.cumsum(weights) / weights.sum()
-    near = (uniform - 1e-9, uniform + 1e-9)
-    return {min(int((shares <= u).sum()), len(P) - 1) for u in near}
+    first, last = (min(int((shares <= u).sum()), len(P) - 1) for u in _around(uniform))
+    return set(range(first, last + 1))
 
 
 def greedy_choice(P: npt.NDArray[np.float64], epsilon: float, uniform: float) -> set[int]:
     """With probability epsilon any action, else the first of the best, from one uniform number."""
-    best, choices = int(np.argmax(P)), set()
-    for u in (uniform - 1e-9, uniform + 1e-9):
-        explored = min(int(max(u, 0.0) / epsilon * len(P)), len(P) - 1) if u < epsilon else best
-        choices.add(explored)
-    return choices
+    return {
+        min(int(u / epsilon * len(P)), len(P) - 1) if u < epsilon else int(np.argmax(P))
+        for u in _around(uniform)
+    }
+
+
+def _around(uniform: float) -> tuple[float, float]:
+    """The numbers that rounding does not tell from this one."""
+    return max(0.0, uniform - _ROUNDING), uniform + _ROUNDING

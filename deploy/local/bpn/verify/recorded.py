@@ -132,14 +132,15 @@ def check_outputs(recording: Recording, observed: Tensor, findings: Findings) ->
 
 
 def check_actions(recording: Recording, findings: Findings) -> None:
-    """The action of every step; in realtime pacing one that came too late is the hold action instead."""
+    """The action of every step; where none came in time (realtime pacing), the hold action."""
     episode, config = recording.episode, recording.config
     uniforms = draws.step_uniforms(episode.meta.seed, episode.steps)
-    late = (episode.camera_to_action_ns == 0) & (config.pacing == "realtime")
-    hold = {config.task_spec.hold_action}
+    answers = [recording.choice(step, number) for step, number in enumerate(uniforms)]
     choices = [
-        hold if late[step] else recording.choice(step, uniforms[step])
-        for step in range(episode.steps)
+        set().union(*(answers[frame] for frame in frames))
+        if frames
+        else {config.task_spec.hold_action}
+        for frames in (answered(recording, step) for step in range(episode.steps))
     ]
     wrong = [t for t, action in enumerate(episode.actions.tolist()) if action not in choices[t]]
     findings["actions"].compared += episode.steps - 1
@@ -153,6 +154,23 @@ def check_actions(recording: Recording, findings: Findings) -> None:
         f"action {' or '.join(map(str, sorted(choices[wrong[0]])))}",
         hint=explained(recording, uniforms),
     )
+
+
+def answered(recording: Recording, step: int) -> list[int]:
+    """The frames to one of which the step's action was the answer: its own, unless actions are delayed.
+
+    A delayed action acts a time after its frame that the episode tells. Which period that falls into shifts by one
+    with the robot's clock, and by one more where the action before it acts first.
+    """
+    config, loop_ns = recording.config, int(recording.episode.camera_to_action_ns[step])
+    if config.pacing == "lockstep":
+        return [step]
+    if loop_ns == 0:  # none came in time
+        return []
+    if config.action_delay_ms == 0:
+        return [step]
+    periods = int(loop_ns / 1e9 / config.task_spec.control_period_s)
+    return [step - later for later in (periods, periods + 1) if later <= step]
 
 
 def explained(recording: Recording, uniforms: list[float]) -> str:

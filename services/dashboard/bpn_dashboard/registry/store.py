@@ -36,6 +36,8 @@ from bpn_shared.runs.folder import RunFolder
 Changes = Mapping[str, Any]
 """Columns of `RunRow` with new values."""
 
+WhyNot = Callable[[], str | None]
+
 Listener = Callable[[Sequence[RunRow]], None]
 """Takes the rows that have changed, on the thread that changed them: it must be quick."""
 
@@ -51,11 +53,7 @@ class RunStore:
     """
 
     def __init__(
-        self,
-        database: Database,
-        runs_dir: Path,
-        *,
-        read_only: Callable[[], str | None] = lambda: None,
+        self, database: Database, runs_dir: Path, read_only: WhyNot = lambda: None
     ) -> None:
         self._database, self._read_only = database, read_only
         self.runs_dir = runs_dir

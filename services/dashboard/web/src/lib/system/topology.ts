@@ -43,6 +43,9 @@ export interface Node {
   cpu_percent: number | null;
   rss_bytes: number | null;
   counters: Record<string, number>;
+  /** Of its program; empty of one that did not tell. */
+  version?: string;
+  protocol?: number | null;
   weights: Partial<Record<'published' | 'loaded' | 'running', WeightsMark>>;
   latencies: Record<string, Percentiles>;
   flows: Flow[];
