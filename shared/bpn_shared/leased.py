@@ -16,7 +16,6 @@ from bpn_shared.bus.liveliness import Token
 from bpn_shared.bus.logs import LogPublisher
 from bpn_shared.bus.requests import Responder
 from bpn_shared.bus.session import Bus, BusError
-from bpn_shared.config import ConfigError
 from bpn_shared.errors import InputError, one_line
 from bpn_shared.messages.control import MAX_REASON
 from bpn_shared.messages.lease import GiveBack, LeaseReply, LeaseRequest, Release, ReleaseReply
@@ -151,7 +150,7 @@ class LeaseLoop:
             ):
                 log.info("%s serves run %s, slot %d", process.id, lease.run, lease.slot)
                 _do(serve, process.at(lease.run, lease.slot, bus, lease.stop))
-        except ConfigError as error:
+        except InputError as error:
             reason = str(error)[:MAX_REASON]
             self._gave_back = GiveBack(run=str(lease.run), slot=lease.slot, reason=reason)
             self._pause_after(lease, error)

@@ -44,18 +44,21 @@ def test_lost_and_back_are_one_line_each_however_long_it_takes(
         watched = Watched(bus)
         wait_for(lambda: bus.connected, "the router")
     with contextlib.closing(bus), watched.watch:
-        wait_for(lambda: watched.waiting.snapshot()[0], "the loss to be known")
+        wait_for(
+            lambda: "nobody listens" in (watched.waiting.snapshot()[0] or ""),
+            "the loss to be known",
+        )
         what, since_s = watched.waiting.snapshot()
         assert what is not None
         assert free_tcp_endpoint in what
-        assert "nobody listens" in what
+        lines = len(said(caplog))  # one, or two if the router was just ending at the first look
         wait_for(lambda: watched.waiting.snapshot()[1] > since_s + 10 * PERIOD_S, "some looks")
-        assert len(said(caplog)) == 1
+        assert len(said(caplog)) == lines <= 2
         with running_router(free_tcp_endpoint):
-            wait_for(lambda: len(said(caplog)) > 1, "the line that it is back")
+            wait_for(lambda: len(said(caplog)) > lines, "the line that it is back")
             assert watched.waiting.snapshot() == (None, 0.0)
-            lost, back = said(caplog)
-            assert lost.startswith("lost the router")
+            *lost, back = said(caplog)
+            assert all(line.startswith("lost the router") for line in lost)
             assert re.search("is back after [0-9]+ s", back)
             assert watched.counters.snapshot() == {"router_lost": 1}
 

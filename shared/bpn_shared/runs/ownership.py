@@ -43,7 +43,8 @@ class Ownership:
             found = self.folder.state()
             self.attempt = found.attempt + 1
             self.folder.write_state("running", attempt=self.attempt, owner=self._owner)
-            if found.owner and found.state not in _OVER:
+            ended_itself = found.owner and found.state in _OVER
+            if found.attempt and not ended_itself:
                 self._shut_out()
             return self.attempt
 

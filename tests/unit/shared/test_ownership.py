@@ -187,9 +187,10 @@ def test_a_run_whose_state_is_missing_goes_on_as_the_next_attempt(folder: RunFol
         assert owner.begin_attempt() == 5
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("given_up", [False, True])
+@pytest.mark.parametrize("seed", range(3))
 def test_a_process_that_was_frozen_writes_nothing_after_another_has_begun(
-    folder: RunFolder, seed: int, wait_for: Callable[..., None]
+    folder: RunFolder, seed: int, given_up: bool, wait_for: Callable[..., None]
 ) -> None:
     process = subprocess.Popen([sys.executable, "-c", WRITER, str(folder.path)])
     try:
@@ -199,6 +200,9 @@ def test_a_process_that_was_frozen_writes_nothing_after_another_has_begun(
         process.send_signal(signal.SIGSTOP)
         wait_for(lambda: _state_of(process.pid) == "T", "the freeze")
         (folder.path / ".lock").unlink()
+        if given_up:  # by the registry, and asked for again
+            folder.settle("failed", error="it died", by="the registry")
+            folder.set_state("queued")
         with folder.owned("second") as second:
             assert second.begin_attempt() == 2
             before = content(folder)

@@ -9,6 +9,7 @@ from bpn.options import add_runs_dir
 from bpn_dashboard.database.engine import Database, DatabaseError
 from bpn_dashboard.options import database_url
 from bpn_dashboard.registry.store import RunStore
+from bpn_dashboard.state_lock import state_lock
 from bpn_shared.errors import InputError
 
 
@@ -35,12 +36,13 @@ def reindex(options: argparse.Namespace) -> int:
         raise InputError(f"the dashboard at {running.url} uses the database: stop it first")
     if not options.runs_dir.is_dir():
         raise InputError(f"--runs-dir {options.runs_dir}: there is no such folder")
-    try:
-        database = Database(database_url(options.runs_dir, options.database))
-    except DatabaseError as error:
-        raise InputError(str(error)) from error
-    result = RunStore(database, options.runs_dir).index.rebuild()
-    database.close()
+    with state_lock(options.runs_dir):
+        try:
+            database = Database(database_url(options.runs_dir, options.database))
+        except DatabaseError as error:
+            raise InputError(str(error)) from error
+        result = RunStore(database, options.runs_dir).index.rebuild()
+        database.close()
     print(f"{result.runs} runs and {result.sweeps} sweeps indexed, {result.removed} removed")
     for reason in result.damaged:
         print(f"left out: {reason}", file=sys.stderr)

@@ -12,7 +12,7 @@ from typing import Any, Literal
 from bpn.evaluation.host import TrialHost
 from bpn.local_run import RunFailedError, private_endpoint
 from bpn.supervisor import Supervisor, router_and_slots
-from bpn_shared.bus.session import Bus, BusError
+from bpn_shared.bus.session import Bus, BusError, prepare_process
 from bpn_shared.config import RunConfig
 from bpn_shared.messages.episode import Episode
 from bpn_shared.runs.folder import RunFolder
@@ -76,6 +76,7 @@ def play(
     robots = min(config.robots, trials.count)
     supervisor = Supervisor(router_and_slots(folder.run, robots, endpoint), logs)
     episodes: list[Episode] = []
+    prepare_process()
     try:
         supervisor.start()
         with Bus(endpoint, stop=stop) as bus:

@@ -18,7 +18,7 @@ from bpn.reproduce.definition import StoppedError
 from bpn.reproduce.far import CONFIG, Breakdown, FarClient, Policy, binarized_policy
 from bpn.supervisor import Service, Supervisor
 from bpn_edge.kernel import load
-from bpn_shared.bus.session import Bus
+from bpn_shared.bus.session import Bus, prepare_process
 from bpn_shared.float_weights import FloatWeights
 from bpn_shared.onnx_model import onnx_model
 
@@ -88,6 +88,7 @@ def far_client(stop: threading.Event) -> Iterator[FarClient]:
     Raises:
         RunFailedError: the far process does not come up.
     """
+    prepare_process()
     endpoint = _free_tcp_endpoint()
     services = [
         Service("router", ["bpn_shared.bus.router", "--listen", endpoint]),

@@ -17,7 +17,7 @@ from bpn_edge.kernel import Kernel, load
 from bpn_edge.policy import softmax_action
 from bpn_shared.bnn.blob import WeightBlob
 from bpn_shared.bus.latest import DirectSubscriber, LatestPublisher
-from bpn_shared.bus.session import DEFAULT_ENDPOINT, Bus
+from bpn_shared.bus.session import DEFAULT_ENDPOINT, Bus, prepare_process
 from bpn_shared.config import RunConfig
 from bpn_shared.observation import stack
 from bpn_shared.service import end_with_supervisor, set_up_logging, stop_on_signals
@@ -113,6 +113,7 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument("--connect", default=DEFAULT_ENDPOINT, help="the router's endpoint")
     options = parser.parse_args(argv)
     set_up_logging("far")
+    prepare_process()
     stop = stop_on_signals()
     end_with_supervisor()
     with Bus(options.connect, stop=stop) as bus:
