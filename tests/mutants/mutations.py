@@ -11,6 +11,7 @@ _OTHER: dict[type[ast.cmpop], type[ast.cmpop]] = {
     ast.NotEq: ast.Eq, ast.Is: ast.IsNot, ast.IsNot: ast.Is, ast.In: ast.NotIn, ast.NotIn: ast.In,
 }  # fmt: skip
 _SYMMETRIC = {"min", "max", "math.hypot", "np.hypot", "hypot", "np.array_equal", "dist"}
+_CHECKING = "strict"  # of zip: what it would find is no part of what a module does
 _SPEAKING = {"log", "logging", "warnings"}
 
 
@@ -42,9 +43,11 @@ def mutated(source: str, mutation: Mutation) -> str:
 
 
 def _all(tree: ast.AST) -> Iterator[tuple[str, ast.AST, str, int | None, ast.AST, str, ast.AST]]:
-    for place in _nodes(tree, ""):
-        for change, new in _changes(place[-1]):
-            yield *place, change, new
+    for function, parent, field, index, node in _nodes(tree, ""):
+        # a number alone does not say which of the function's
+        where = f"{_brief(parent)}: " if isinstance(node, ast.Constant) else ""
+        for change, new in _changes(node):
+            yield function, parent, field, index, node, where + change, new
 
 
 def _nodes(node: ast.AST, function: str) -> Iterator[tuple[str, ast.AST, str, int | None, ast.AST]]:
@@ -98,7 +101,7 @@ def _other_fields(node: ast.AST) -> Iterator[tuple[str, dict[str, object]]]:
             yield "", {"op": ast.Or() if isinstance(op, ast.And) else ast.And()}
         case ast.BinOp(op=ast.Add() | ast.Sub() as op):
             yield "", {"op": ast.Sub() if isinstance(op, ast.Add) else ast.Add()}
-        case ast.Return(value=ast.expr()) if not _is_none(node.value):
+        case ast.Return(value=ast.expr()) if not _is_nothing(node.value):
             yield "", {"value": ast.Constant(None)}
         case ast.Call(func=func, args=args, keywords=keywords):
             name = _brief(func)
@@ -106,7 +109,7 @@ def _other_fields(node: ast.AST) -> Iterator[tuple[str, dict[str, object]]]:
             if len(args) > 1 and not starred and name not in _SYMMETRIC:
                 yield f"{name}: arguments swapped", {"args": [args[1], args[0], *args[2:]]}
             for index, keyword in enumerate(keywords):
-                if keyword.arg is not None:
+                if keyword.arg not in (None, _CHECKING):
                     rest = keywords[:index] + keywords[index + 1 :]
                     yield f"{name}: {keyword.arg} dropped", {"keywords": rest}
         case ast.If(test=test) | ast.While(test=test) | ast.IfExp(test=test):
@@ -117,8 +120,8 @@ def _brief(node: ast.AST) -> str:
     return ast.unparse(node).splitlines()[0][:100]
 
 
-def _is_none(node: ast.AST | None) -> bool:
-    return isinstance(node, ast.Constant) and node.value is None
+def _is_nothing(node: ast.AST | None) -> bool:
+    return isinstance(node, ast.Constant) and node.value in (None, False)
 
 
 def _is_docstring(node: ast.AST) -> bool:

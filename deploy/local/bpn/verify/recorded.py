@@ -180,10 +180,10 @@ def explained(recording: Recording, uniforms: list[float]) -> str:
     outputs = recording.episode.outputs.astype(np.float64)
     ways: dict[str, Act] = {
         "a softmax policy": lambda o, u: softmax_choice(o * scale, beta, u),
+        "an epsilon-greedy policy": lambda o, u: greedy_choice(o, share, u),
+        "the best action always": lambda o, u: greedy_choice(o, 0.0, u),
         "a softmax policy at beta = 1": lambda o, u: softmax_choice(o * scale, 1.0, u),
         "a softmax policy without lambda": lambda o, u: softmax_choice(o, beta, u),
-        "the best action always": lambda o, u: greedy_choice(o, 0.0, u),
-        "an epsilon-greedy policy": lambda o, u: greedy_choice(o, share, u),
     }
     orders = {
         "": uniforms,
