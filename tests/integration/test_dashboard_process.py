@@ -73,12 +73,16 @@ def test_kill_9_loses_no_point_and_a_stop_ends_open_streams(tmp_path, wait_for) 
     with dashboard(tmp_path, wait_for) as (process, client, _):
         wait_for(lambda: len(losses(client, run)) >= 100, "the first points", DEADLINE_S)
         write(100, 400)  # taken in while it dies
+        of_the_killed = client.headers["Authorization"]
         process.send_signal(signal.SIGKILL)
         process.wait(DEADLINE_S)
     write(400, 500)
     with dashboard(tmp_path, wait_for) as (process, client, link):
         wait_for(lambda: len(losses(client, run)) >= 500, "all points", DEADLINE_S)
         assert losses(client, run) == list(range(500))
+
+        headers = {"Authorization": of_the_killed}
+        assert httpx.get(f"{client.base_url}/api/v1/session", headers=headers).status_code == 401
 
         cookie = log_in(client, link)
         url = str(client.base_url).replace("http", "ws") + "/api/v1/live"

@@ -9,6 +9,7 @@ from pathlib import Path
 import orjson
 
 from bpn_shared import log_lines
+from bpn_shared.runs.opening import file_names
 from bpn_shared.runs.tail import Tail, near_end
 
 PERIOD_S = 0.5
@@ -82,7 +83,8 @@ class LogTail:
     def new_entries(self) -> list[bytes]:
         """What was added since the last call, a JSON object for each entry; at first, the files' ends."""
         entries: list[tuple[float, _Entry]] = []
-        for path in sorted(self._folder.glob("*.log")):
+        inside = self._folder.relative_to(self._root)
+        for path in map(self._folder.joinpath, file_names(self._root, inside, suffix=".log")):
             try:
                 if path not in self._files:
                     self._files[path] = _File(path, self._root)

@@ -13,12 +13,13 @@ from bpn_dashboard.database.tables import RunRow
 from bpn_dashboard.registry.admission import recorded
 from bpn_dashboard.registry.desk import LeaseDesk
 from bpn_dashboard.registry.leases import Place
+from bpn_dashboard.registry.observations import Changes
 from bpn_dashboard.registry.observer import Observer
 from bpn_dashboard.registry.query import RunFilter
 from bpn_dashboard.registry.releases import Releases
 from bpn_dashboard.registry.stalls import Stalls
 from bpn_dashboard.registry.states import OVER, is_busy
-from bpn_dashboard.registry.store import Changes, RunStore
+from bpn_dashboard.registry.store import RunStore
 from bpn_dashboard.registry.versions import Refused
 from bpn_shared import keys
 from bpn_shared.bus.liveliness import TokenWatch

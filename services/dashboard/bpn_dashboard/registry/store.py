@@ -4,6 +4,7 @@ import shutil
 import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 from uuid import UUID
@@ -26,15 +27,13 @@ from bpn_dashboard.registry.errors import (
 )
 from bpn_dashboard.registry.folders import row_of
 from bpn_dashboard.registry.index import Index
+from bpn_dashboard.registry.observations import Changes, Observations, apply
 from bpn_dashboard.registry.query import Cursor, Page, RunFilter, conditions, find_page
 from bpn_dashboard.registry.states import OVER, is_busy
 from bpn_dashboard.registry.sweeps import expand
 from bpn_shared.config import RunConfig
 from bpn_shared.runs.creation import Workplace
 from bpn_shared.runs.folder import RunFolder
-
-Changes = Mapping[str, Any]
-"""Columns of `RunRow` with new values."""
 
 WhyNot = Callable[[], str | None]
 
@@ -59,6 +58,7 @@ class RunStore:
         self.runs_dir = runs_dir
         self._listeners: list[Listener] = []
         self.index = Index(database, runs_dir)
+        self._observations = Observations(database)
 
     def subscribe(self, listener: Listener) -> None:
         """From now on `listener` hears of every change, after it is stored."""
@@ -85,7 +85,8 @@ class RunStore:
             UnknownRunError: there is none of that id.
         """
         with self._database.reading() as session:
-            return _run(session, run_id)
+            row = _run(session, run_id)
+        return self._observations.shown([row])[0]
 
     def page(
         self,
@@ -102,10 +103,11 @@ class RunStore:
             FilterError: the filter, sort key or cursor is none; the message says which.
         """
         with self._database.reading() as session:
-            return find_page(
+            page = find_page(
                 session, runs or RunFilter(),
                 sort=sort, descending=descending, after=after, limit=limit,
             )  # fmt: skip
+        return replace(page, rows=self._observations.shown(page.rows))
 
     def find(self, runs: RunFilter | None = None) -> list[RunRow]:
         """All runs that meet a filter, oldest first.
@@ -115,7 +117,8 @@ class RunStore:
         """
         with self._database.reading() as session:
             where = conditions(runs or RunFilter())
-            return list(session.scalars(select(RunRow).where(*where).order_by(RunRow.created_at)))
+            rows = list(session.scalars(select(RunRow).where(*where).order_by(RunRow.created_at)))
+        return self._observations.shown(rows)
 
     # Runs: change
 
@@ -258,7 +261,7 @@ class RunStore:
         with self._database.writing() as session:
             row = _run(session, run_id)
             changes = decide(row)
-            if not _apply(row, changes):
+            if not apply(row, changes):
                 return row
             row.rev += 1
             audit.record(session, actor, action, run_id, **changes)
@@ -268,17 +271,13 @@ class RunStore:
 
     def observe(self, observations: Mapping[str, Changes]) -> list[RunRow]:
         """Stores what was seen of runs (id to columns); returns the rows that it changed."""
-        changed = []
-        with self._database.writing() as session:
-            for run_id, seen in observations.items():
-                row = session.get(RunRow, run_id)
-                if row is not None and _apply(row, seen):
-                    changed.append(row)
+        changed = self._observations.write(observations)
         self._tell(changed)
         return changed
 
     def adopt(self) -> None:
         """Makes rows for the folders that have none: of runs that other programs made."""
+        self._observations.retry()
         self._tell(self.index.adopt())
 
     def changed_folders(self) -> list[RunRow]:
@@ -384,16 +383,6 @@ def _run(session: Session, run_id: str) -> RunRow:
     if row is None:
         raise UnknownRunError(run_id)
     return row
-
-
-def _apply(row: RunRow, changes: Changes) -> bool:
-    """Whether that changes anything."""
-    news = {key: value for key, value in changes.items() if getattr(row, key) != value}
-    for key, value in news.items():
-        setattr(row, key, value)
-    if news:
-        row.updated_at = time.time()
-    return bool(news)
 
 
 def _new_id() -> str:
