@@ -5,10 +5,10 @@ import hashlib
 import pytest
 import torch
 
-from bpn_learner.initial import initial_policy
+from bpn_learner.initial import has_gpu, initial_policy
 from bpn_learner.networks import BinaryNetwork, FloatNetwork, PNetwork
 from bpn_shared.algorithms import ALGORITHMS, AlgorithmName
-from bpn_shared.config import RunConfig
+from bpn_shared.config import ConfigError, RunConfig
 
 PINNED = {
     ("binary", "reaching", 0): "ca9004cb2354ad5d2241c6239038768277c5a8fb9a888ade4d2a7492b544e324",
@@ -57,3 +57,15 @@ def test_scale_rate_and_threads_are_the_configurations(algorithm: AlgorithmName)
         assert rates == [0.03]
     trained = [id(p) for group in optimizer.param_groups for p in group["params"]]
     assert sorted(trained) == sorted(id(p) for p in network.parameters())
+
+
+def test_a_gpu_is_asked_of_torch_and_missed_at_the_beginning(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    for there in (False, True):
+        monkeypatch.setattr(torch.cuda, "is_available", lambda there=there: there)
+        assert has_gpu() is there
+        initial_policy(RunConfig(nodes=8))  # which asks for none
+    monkeypatch.setattr(torch.cuda, "is_available", lambda: False)
+    with pytest.raises(ConfigError, match="torch finds no GPU"):
+        initial_policy(RunConfig(nodes=8, device="cuda"))
