@@ -69,6 +69,10 @@ class Dashboard:
         token: str = json.loads((self.runs_dir / ".dashboard.json").read_bytes())["token"]
         return token
 
+    def new_link(self) -> str:
+        """Opens a session once, like the one that was printed."""
+        return f"{self.url}#token={self.ask('POST', '/links', {'role': 'operator'})['token']}"
+
     def ask(
         self, method: str, path: str, body: object = None, headers: dict[str, str] | None = None
     ) -> Any:
@@ -248,7 +252,7 @@ def sign_in(
 
     def open_one(**options: Any) -> Page:
         page = open_context(**options).new_page()
-        page.goto(f"{dashboard.url}#token={dashboard.token}")
+        page.goto(dashboard.new_link())
         expect(page.get_by_role("heading", name="Runs", level=1)).to_be_visible()
         return page
 
