@@ -93,10 +93,12 @@ class WeightMemory:
         """
         with self._changed:
             self._changed.wait_for(lambda: self._holds(version, attempt), timeout_s)
-            if _fits(self._offered, version, attempt):
+            offered = self._offered
+            if offered is not None and _fits(offered, version, attempt):
                 self._active, self._idle = self._idle, self._active
-                self.weights, self._offered = self._offered, None
+                self.weights, self._offered = offered, None
                 self._checksum = self._offered_checksum
+                log.info("runs weights version %d of attempt %d", offered.version, offered.attempt)
             if self.weights is None or not _fits(self.weights, version, attempt):
                 return False
             return self._intact(self.weights)
