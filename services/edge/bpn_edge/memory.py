@@ -99,19 +99,19 @@ class WeightMemory:
                 self.weights, self._offered = offered, None
                 self._checksum = self._offered_checksum
                 log.info("runs weights version %d of attempt %d", offered.version, offered.attempt)
-            if self.weights is None or not _fits(self.weights, version, attempt):
-                return False
-            return self._intact(self.weights)
+            return _fits(self.weights, version, attempt) and self.is_intact()
 
-    def _intact(self, weights: Weights) -> bool:
-        if self._active.checksum() == self._checksum:
-            return True
-        self.weights = None
-        self._counters.refuse(
-            "weights_damaged",
-            f"the bank's memory has changed while version {weights.version} ran: it has to be loaded again",
-        )
-        return False
+    def is_intact(self) -> bool:
+        """Whether the active bank still holds what was verified; if not, its policy is held no more."""
+        with self._changed:
+            if self.weights is None or self._active.checksum() == self._checksum:
+                return self.weights is not None
+            version, self.weights = self.weights.version, None
+            self._counters.refuse(
+                "weights_damaged",
+                f"the bank's memory has changed while version {version} ran: it has to be loaded again",
+            )
+            return False
 
     def wait_newer(self, version: int | None, timeout_s: float) -> bool:
         """Whether the newest version becomes another one than `version` within the timeout."""

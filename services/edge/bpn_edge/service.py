@@ -88,7 +88,8 @@ def serve(worker: Worker, config: RunConfig) -> int:
             feed.scale = memory.weights.scale
             try:
                 episode = driver.play(assignment, chooser(config, assignment, memory.weights.scale))
-                if episode is not None:
+                # What a damaged bank played is no data: it is asked for, and played, again.
+                if episode is not None and memory.is_intact():
                     learner.deliver(episode)
             except EpisodeFault as fault:
                 faults.tell(*at, str(fault))
