@@ -278,13 +278,14 @@ def test_what_a_damaged_bank_plays_is_no_data_and_the_bank_is_mended(
 
     def damaged(kernel: NativeKernel, observation: Any) -> Any:
         monkeypatch.setattr(NativeKernel, "run", run)  # once, at some step of an episode
-        kernel.network.memory()[5000:6000] ^= 255  # so many bits that every output is another one
+        kernel.network.memory()[9000:13000] ^= 255  # so many bits that outputs are others
         return run(kernel, observation)
 
     monkeypatch.setattr(NativeKernel, "run", damaged)
     wait_for(lambda: service.counters.get("weights_damaged"), "the flipped bits to be noticed")
-    for _ in range(4):
-        plays(learner.next_delivery(), blob)
+    learner.next_delivery()
+    for episode in learner.delivered:
+        plays(episode, blob)
     assert len(banks) == 2
 
 
