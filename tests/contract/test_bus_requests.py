@@ -79,8 +79,9 @@ def test_a_flood_of_faults_is_counted_and_each_kind_shown_once(
 
 
 def test_who_is_closed_answers_no_more(open_bus: OpenBus) -> None:
-    bus, asking = open_bus(), open_bus()
+    bus = open_bus()
     with Responder(bus, "test/echo", bytes, Counters()) as responder:
+        asking = open_bus()  # after it: who was there before hears of it a little later
         assert request(asking, "test/echo", b"1", timeout_s=5.0) == b"1"
     with pytest.raises(NoReplyError):
         request(asking, "test/echo", b"2", timeout_s=1.0)

@@ -210,7 +210,7 @@ def test_eval_plays_the_runs_policy(
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["train", "flying"], "task = 'flying' is unknown; one of: reaching"),
+        (["train", "flying"], "task = 'flying': unknown; one of: reaching"),
         (
             ["train", "reaching", "--alpha", "2"],
             "alpha = '2': Input should be less than or equal to 1",
