@@ -5,8 +5,11 @@ edge plays an episode plays the same one.
 """
 
 import numpy as np
+import numpy.typing as npt
 
 _EPISODE, _ACTION, _SHUFFLE, _INITIAL = range(4)  # one stream for each purpose
+_BLOCK = 4
+"""Numbers that Philox makes at once."""
 
 
 def _generator(*key: int) -> np.random.Generator:
@@ -18,13 +21,14 @@ def episode_seed(run_seed: int, iteration: int, episode: int) -> int:
     return int(_generator(_EPISODE, run_seed, iteration, episode).integers(2**64, dtype=np.uint64))
 
 
-def action_uniform(episode_seed: int, step: int) -> float:
-    """The uniform number in [0, 1) that decides the action of step t (counter-based: Philox)."""
+def action_uniforms(episode_seed: int, steps: int) -> npt.NDArray[np.float64]:
+    """The uniform numbers in [0, 1) that decide the actions of steps 0 to T - 1, float64[T].
+
+    Philox counts: step t has the first number of block t of the episode's key, whichever steps are asked for.
+    """
     # as an array: a list with a number of 2**63 and above would become float64 and lose its last bits
-    bits = np.random.Philox(
-        key=np.array([episode_seed, _ACTION], np.uint64), counter=[step, 0, 0, 0]
-    )
-    return float(np.random.Generator(bits).random())
+    philox = np.random.Philox(key=np.array([episode_seed, _ACTION], np.uint64))
+    return np.random.Generator(philox).random((steps, _BLOCK))[:, 0]
 
 
 def shuffle_generator(run_seed: int, iteration: int) -> np.random.Generator:

@@ -19,7 +19,7 @@ from bpn_shared.bnn.blob import WeightBlob
 from bpn_shared.messages.episode import Episode
 from bpn_shared.observation import stack
 from bpn_shared.runs.folder import RunFolder
-from bpn_shared.seeds import action_uniform
+from bpn_shared.seeds import action_uniforms
 
 STEPS, HOLD, PERIOD_MS = 12, 3, 145
 DELAY_MS = 2.76 * PERIOD_MS
@@ -67,7 +67,7 @@ def test_greedy_trials_take_the_best_action_of_the_newest_weights(
 
 def test_random_trials_ignore_the_network(tracking_run: RunFolder) -> None:
     for episode in played(tracking_run, 2, "random"):
-        uniforms = [action_uniform(episode.meta.seed, step) for step in range(episode.steps)]
+        uniforms = action_uniforms(episode.meta.seed, episode.steps).tolist()
         assert episode.actions.tolist() == [int(uniform * 7) for uniform in uniforms]
 
 
@@ -103,9 +103,7 @@ def test_a_delayed_action_acts_that_much_later_and_the_robot_holds_until_the_fir
     assert not acted[:2].any()
     assert (episode.camera_to_action_ns[acted] >= DELAY_MS * 1e6).all()
     assert (~acted).sum() == episode.meta.deadline_misses
-    chosen = iter(
-        [int(action_uniform(episode.meta.seed, step) * 7) for step in range(episode.steps)]
-    )
+    chosen = iter((action_uniforms(episode.meta.seed, episode.steps) * 7).astype(int).tolist())
     assert all(action in chosen for action in episode.actions[acted].tolist())  # in their order
 
 

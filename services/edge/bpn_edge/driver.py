@@ -21,7 +21,7 @@ from bpn_shared.messages.control import Assignment, Reset
 from bpn_shared.messages.episode import Episode
 from bpn_shared.messages.frame import FrameHeader, FrameKind
 from bpn_shared.outputs import Outputs
-from bpn_shared.seeds import action_uniform
+from bpn_shared.seeds import action_uniforms
 from bpn_shared.watchdog import STEPS_PLAYED
 from bpn_shared.worker import Worker
 
@@ -129,7 +129,7 @@ class _Game:
         self._feed, self._lockstep = feed, config.pacing == "lockstep"
         self._assignment, self._reset_id, self._choose = assignment, reset_id, choose
         # all at once: between two frames every instruction delays the sending of the last action
-        self._uniforms = [action_uniform(assignment.seed, step) for step in range(config.steps)]
+        self._uniforms: list[float] = action_uniforms(assignment.seed, config.steps).tolist()
         self.over = threading.Event()
         self.episode: Episode | None = None
         self.fault: str | None = None

@@ -183,11 +183,12 @@ class EpisodeLedger:
             )
 
     def _choose(self, asked: NextEpisode) -> int | None:
-        missing = [e for e in range(self._config.episodes) if e not in self._stored]
         # A slot that asks has nothing in hand: what it was given before is its again.
-        mine = [e for e in missing if e in self._leases and self._leases[e].slot == asked.slot]
-        free = [e for e in missing if not self._held(e)]
-        return next(iter(mine + free), None)
+        mine = [e for e, lease in self._leases.items() if lease.slot == asked.slot]
+        if mine:
+            return min(mine)
+        missing = (e for e in range(self._config.episodes) if e not in self._stored)
+        return next((e for e in missing if not self._held(e)), None)
 
     def _held(self, episode: int) -> bool:
         lease = self._leases.get(episode)

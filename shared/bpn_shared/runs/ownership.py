@@ -6,6 +6,7 @@ or the place of the file that is open for appending.
 """
 
 import contextlib
+import os
 import threading
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -35,6 +36,7 @@ class Ownership:
     def __init__(self, folder: "RunFolder", owner: str) -> None:
         self.folder, self._owner = folder, owner
         self._lock = threading.RLock()
+        self._proven: tuple[int, ...] | None = None
         self.attempt = 0
 
     def begin_attempt(self) -> int:
@@ -62,13 +64,25 @@ class Ownership:
             shut_out_appenders(path / name, root=path.parent)
 
     def prove(self) -> None:
-        """Looks whether the folder still is this learner's."""
+        """Looks whether the folder still is this learner's.
+
+        state.json is replaced, never changed: while the same file stands there, it says the same. It is opened for
+        that, because opening makes network file systems look.
+        """
+        try:
+            with self.folder.open_file("state.json") as file:
+                standing = _identity(os.fstat(file.fileno()))
+        except OSError:
+            standing = None
+        if standing is not None and standing == self._proven:
+            return
         found = self.folder.state()
         if (found.attempt, found.owner) != (self.attempt, self._owner):
             raise OwnershipLostError(
                 f"run {self.folder.run} is at attempt {found.attempt} of {found.owner or 'nobody yet'}: "
                 f"this learner, of attempt {self.attempt}, writes nothing more"
             )
+        self._proven = standing
 
     def set_state(self, state: State, *, error: str = "") -> RunState:
         """Says what the run is doing."""
@@ -121,3 +135,8 @@ class Ownership:
             except OSError:
                 self.prove()  # the next owner may have taken the file away
                 raise
+
+
+def _identity(status: os.stat_result) -> tuple[int, ...]:
+    """What changes when another file is put in the place of this one, or its contents are changed."""
+    return status.st_dev, status.st_ino, status.st_size, status.st_mtime_ns, status.st_ctime_ns
