@@ -4,6 +4,7 @@ import ctypes
 import logging
 import os
 import queue
+import re
 import signal
 import sys
 import threading
@@ -14,12 +15,14 @@ from typing import TextIO
 
 from bpn_shared import log_lines
 from bpn_shared.errors import one_line
+from bpn_shared.version import PROTOCOL
 
 log = logging.getLogger(__name__)
 
 SUPERVISOR_PID = "BPN_SUPERVISOR_PID"
 """Environment variable: the process without which a service shall not run."""
 
+_PROTOCOL_OF_ID = re.compile(r"[a-z-]+-p(\d{1,9})-[0-9a-f]{12}")
 _PR_SET_PDEATHSIG = 1
 
 MAX_FAULTS = 100
@@ -91,8 +94,17 @@ def end_with_supervisor() -> None:
 
 
 def new_worker_id(kind: str) -> str:
-    """An id for this process; a restarted worker is another worker."""
-    return f"{kind.replace('_', '-')}-{uuid.uuid4().hex[:12]}"
+    """An id for this process; a restarted worker is another worker.
+
+    It tells the protocol that the worker speaks, and so does every token that bears it.
+    """
+    return f"{kind.replace('_', '-')}-p{PROTOCOL}-{uuid.uuid4().hex[:12]}"
+
+
+def protocol_of(worker: str) -> int | None:
+    """The protocol that a worker's id tells; None: it tells none, as those of protocol 1."""
+    told = _PROTOCOL_OF_ID.fullmatch(worker)
+    return None if told is None else int(told[1])
 
 
 class Counters:

@@ -3,6 +3,7 @@
 import json
 import os
 import subprocess
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -40,8 +41,10 @@ def test_with_an_idle_learner_beside_it_the_run_of_a_frozen_one_goes_on(
         folder = RunFolder(tmp_path / run_id)
         wait_for(folder.episode_path(1, 3).exists, "the middle", LONG_S)
         with frozen(there.learner(run_id)):
+            begin_s = time.monotonic()
             wait_for(lambda: there.run(run_id)["attempt"] == 2, "the other learner", WITHIN_S)
             wait_for(lambda: there.run(run_id)["iteration"] >= 2, "progress", LONG_S)
+            print(f"GOES ON at another learner after {time.monotonic() - begin_s:.1f} s")
         # Thawed, the first one writes nothing: the other's attempt goes on to its end.
         wait_for(lambda: there.run(run_id)["state"] == "finished", "the end", LONG_S)
         assert there.run(run_id)["attempt"] == 2
@@ -60,7 +63,9 @@ def test_without_one_the_run_says_who_is_silent_and_goes_on_when_it_thaws(
         owner = folder.state().owner
         sentence = f"its owner {owner} is silent since "
         with frozen(there.learner(run_id)):
+            begin_s = time.monotonic()
             wait_for(lambda: sentence in there.run(run_id)["waiting_reason"], sentence, WITHIN_S)
+            print(f"READABLE {sentence!r} after {time.monotonic() - begin_s:.1f} s")
             metrics = there.dashboard._http.get("/metrics").text
             assert f'bpn_run_stalled{{run="{run_id}",task="reaching"}} 1.0' in metrics
         wait_for(lambda: there.run(run_id)["state"] == "finished", "the end", LONG_S)

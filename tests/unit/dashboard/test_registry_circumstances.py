@@ -7,6 +7,7 @@ from bpn_dashboard.registry.leases import Demand, LeaseBook, Place
 from bpn_dashboard.registry.setbacks import GiveBack, Setbacks
 from bpn_dashboard.registry.versions import FORGET_S, Refusals, Refused, why_refused
 from bpn_shared.messages.lease import LeaseRequest
+from bpn_shared.service import new_worker_id
 from bpn_shared.version import PROTOCOL, VERSION
 from bpn_shared.watchdog import Circumstances
 
@@ -98,3 +99,16 @@ def test_a_refused_worker_is_told_what_to_install_and_remembered_while_it_asks()
     (refused,) = refusals.current(60.0 + FORGET_S)
     assert (refused.worker, refused.reason, refused.at_s) == ("edge-12", reason, 60.0)
     assert refusals.current(60.1 + FORGET_S) == []
+
+
+def test_a_worker_whose_token_tells_another_protocol_is_named_while_it_is_there() -> None:
+    refusals, other = Refusals(), f"edge-p{PROTOCOL + 1}-0123456789ab"
+    for worker in (new_worker_id("edge"), "edge-0123456789ab", other):
+        refusals.appeared("edge", worker, 1.0)
+    (refused,) = refusals.current(1e6)
+    assert refused.worker == other
+    assert refused.reason.startswith(
+        f"edge {other} speaks protocol {PROTOCOL + 1} (as its token tells), this registry {PROTOCOL}: install"
+    )
+    refusals.gone(other)
+    assert refusals.current(1e6) == []

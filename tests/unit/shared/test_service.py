@@ -1,13 +1,15 @@
 import json
 import logging
+import re
 import subprocess
 import sys
 
 import pytest
 
 from bpn_shared.bus.traffic import Traffic
-from bpn_shared.service import Counters, Waiting
+from bpn_shared.service import Counters, Waiting, new_worker_id, protocol_of
 from bpn_shared.telemetry import Latencies, Reporter, WeightsMarks
+from bpn_shared.version import PROTOCOL
 
 
 def test_a_flood_of_refusals_is_counted_and_logged_by_powers_of_ten(
@@ -99,3 +101,11 @@ logging.warning("there is space again")
         "edge-0 ERROR log lines were lost, up to 21: No space left on device\n"
     )
     assert "Traceback" not in done.stderr
+
+
+def test_a_workers_id_tells_its_protocol() -> None:
+    worker = new_worker_id("robot_sim")
+    assert protocol_of(worker) == PROTOCOL
+    assert re.fullmatch("robot-sim-p[0-9]+-[0-9a-f]{12}", worker)
+    assert new_worker_id("robot_sim") != worker
+    assert protocol_of("robot-sim-0123456789ab") is None

@@ -70,12 +70,14 @@ class LeaseDesk:
 
     def on_worker(self, key: str, appeared: bool) -> None:
         """A worker's token came or went."""
-        _, worker = keys.worker_of(key)
+        role, worker = keys.worker_of(key)
         with self._lock:
             if appeared:
                 self._alive.add(worker)
+                self._refusals.appeared(role, worker, time.monotonic())
             else:
                 self._alive.discard(worker)
+                self._refusals.gone(worker)
                 self._gpus.pop(worker, None)
                 self._book.gone(worker)
 

@@ -1,9 +1,10 @@
-"""Workers that ask for work and cannot be used, because they speak another protocol."""
+"""Workers that are there and cannot be used, because they speak another protocol."""
 
 import logging
 from typing import NamedTuple
 
-from bpn_shared.messages.lease import LeaseRequest, Role
+from bpn_shared.messages.lease import LeaseRequest
+from bpn_shared.service import protocol_of
 from bpn_shared.version import PROTOCOL, VERSION
 
 log = logging.getLogger(__name__)
@@ -15,7 +16,7 @@ FORGET_S = 120.0
 class Refused(NamedTuple):
     """A worker that is refused, and why."""
 
-    role: Role
+    role: str
     worker: str
     reason: str
     at_s: float
@@ -23,11 +24,21 @@ class Refused(NamedTuple):
 
 def why_refused(asked: LeaseRequest) -> str | None:
     """What keeps a worker from being used here; None: nothing."""
-    if asked.protocol == PROTOCOL:
-        return None
     version = f"bpn {asked.version}" if asked.version else "a bpn that does not tell its version"
+    return _sentence(asked.role, asked.worker, asked.protocol, version)
+
+
+def why_foreign(role: str, worker: str) -> str | None:
+    """The same of a worker that only its token tells of: it has its place from somebody else."""
+    told = protocol_of(worker)
+    return None if told is None else _sentence(role, worker, told, "as its token tells")
+
+
+def _sentence(role: str, worker: str, protocol: int, version: str) -> str | None:
+    if protocol == PROTOCOL:
+        return None
     return (
-        f"{asked.role} {asked.worker} speaks protocol {asked.protocol} ({version}), this registry {PROTOCOL}: "
+        f"{role} {worker} speaks protocol {protocol} ({version}), this registry {PROTOCOL}: "
         f"install bpn {VERSION} there"
     )
 
@@ -37,18 +48,29 @@ class Refusals:
 
     def __init__(self) -> None:
         self._refused: dict[str, Refused] = {}
+        self._foreign: dict[str, Refused] = {}
 
     def note(self, asked: LeaseRequest, reason: str, now_s: float) -> None:
         """A worker asked and was refused."""
-        if asked.worker not in self._refused:
+        if asked.worker not in self._refused | self._foreign:
             log.warning("%s", reason)
         self._refused[asked.worker] = Refused(asked.role, asked.worker, reason, now_s)
 
+    def appeared(self, role: str, worker: str, now_s: float) -> None:
+        """A worker's token came."""
+        if (reason := why_foreign(role, worker)) is not None:
+            log.warning("%s", reason)
+            self._foreign[worker] = Refused(role, worker, reason, now_s)
+
+    def gone(self, worker: str) -> None:
+        """Its token went."""
+        self._foreign.pop(worker, None)
+
     def current(self, now_s: float) -> list[Refused]:
-        """Those that asked not long ago."""
+        """Those that asked not long ago, and those whose token tells another protocol."""
         self._refused = {
             worker: refused
             for worker, refused in self._refused.items()
             if now_s - refused.at_s <= FORGET_S
         }
-        return list(self._refused.values())
+        return list((self._foreign | self._refused).values())
