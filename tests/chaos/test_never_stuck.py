@@ -2,7 +2,7 @@
 
 What the page shows is what REST tells (`tests/browser/test_waiting.py`). Frozen and cut-off learners, environments
 that break, renewed certificates and a full disk in containers have tests of their own; the seconds that all of
-them took are in ARCHITECTURE.md. `pytest -s` prints those of this file.
+them took are in ARCHITECTURE.md (Never stuck). `pytest -s` prints those of this file.
 """
 
 import contextlib
