@@ -164,7 +164,10 @@ def test_of_two_dashboards_on_one_router_the_second_says_that_it_only_shows(
                     return str(error)
                 return ""
 
-            readable_s(wait_for, "read-only", rest=refusal, terminal=refusal)
+            readable_s(wait_for, "read-only", rest=refusal)
+            with terminal(tmp_path, "reaching", *SMALL, "--runs-dir", str(second_runs)) as shown:
+                readable_s(wait_for, "read-only", terminal=lambda: shown.said)
+                assert shown.process.wait(30) != 0
             run_id = pool.dashboard.create_run(CONFIG)["id"]
             wait_for(lambda: pool.state(run_id) == "finished", "the first one's run", LONG_S)
             assert pool.run(run_id)["attempt"] == 1
