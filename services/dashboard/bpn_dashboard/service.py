@@ -59,7 +59,7 @@ def build(
     """The application with all its parts; its lifespan starts and ends them."""
     counters, live = Counters(), Live()
     connections = listener.connections = Connections(counters)
-    runs = RunStore(database, options.runs_dir, read_only=live.read_only)
+    runs = RunStore(database, options.runs_dir, read_only=live.refusal)
     context = Context(
         database=database,
         runs=runs,

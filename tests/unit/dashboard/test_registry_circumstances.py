@@ -85,6 +85,14 @@ def test_of_a_run_without_a_learner_only_learners_that_are_refused_are_told() ->
     assert known.disk == "full"
 
 
+def test_a_run_whose_router_another_dashboard_serves_waits_for_nothing_else() -> None:
+    said = "another dashboard (host, pid 12) serves this router: read-only"
+    book = book_of(Demand(A, 1))
+    assert around(A, book, Queue.of(book), Setbacks(), now_s=0.0, read_only=said).queue == said
+    book.appeared(Place(A, "learner", 0), "l0", 0.0)  # the other one's, of a folder of both
+    assert around(A, book, Queue.of(book), Setbacks(), now_s=0.0, read_only=said).queue == ""
+
+
 def test_a_refused_worker_is_told_what_to_install_and_remembered_while_it_asks() -> None:
     asked = LeaseRequest(role="edge", worker="edge-12", version="0.0.9")
     reason = why_refused(asked)

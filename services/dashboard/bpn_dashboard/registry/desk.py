@@ -268,12 +268,13 @@ class LeaseDesk:
                 self._book.depose(place, time.monotonic())
 
     def around(
-        self, owners: dict[str, str | None], router: str, disk: str
+        self, owners: dict[str, str | None], *, router: str, disk: str, read_only: str
     ) -> dict[str, Circumstances]:
         """What is known of runs that may stand still.
 
         Args:
             owners: of the runs asked for: who holds the folder although no worker of ours is its learner.
+            router, disk, read_only: as `circumstances.around` takes them.
         """
         now_s = time.monotonic()
         with self._lock:
@@ -281,7 +282,8 @@ class LeaseDesk:
             return {
                 run_id: around(
                     UUID(run_id), self._book, queue, self._setbacks,
-                    refused=refused, now_s=now_s, owner=owner, router=router, disk=disk,
+                    refused=refused, now_s=now_s, owner=owner,
+                    router=router, disk=disk, read_only=read_only,
                 )
                 for run_id, owner in owners.items()
             }  # fmt: skip

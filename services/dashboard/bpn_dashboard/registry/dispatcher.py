@@ -19,7 +19,7 @@ from bpn_dashboard.registry.query import RunFilter
 from bpn_dashboard.registry.releases import Releases
 from bpn_dashboard.registry.stalls import Stalls
 from bpn_dashboard.registry.states import OVER, is_busy
-from bpn_dashboard.registry.store import RunStore
+from bpn_dashboard.registry.store import RunStore, WhyNot
 from bpn_dashboard.registry.versions import Refused
 from bpn_shared import keys
 from bpn_shared.bus.liveliness import TokenWatch
@@ -48,6 +48,7 @@ class Dispatcher:
     Args:
         counters: refused requests are counted here.
         leading: false: another registry serves this router; runs are watched, nothing is done to them.
+        read_only: which one, as a sentence; None: none that is known.
 
     Attributes:
         desk: what tokens and requests tell.
@@ -55,10 +56,11 @@ class Dispatcher:
     """
 
     def __init__(
-        self, bus: Bus, store: RunStore, counters: Counters, *, leading: bool = True
-    ) -> None:
+        self, bus: Bus, store: RunStore, counters: Counters,
+        *, leading: bool = True, read_only: WhyNot = lambda: None,
+    ) -> None:  # fmt: skip
         self._bus, self._store, self._counters = bus, store, counters
-        self._leading = leading
+        self._leading, self._read_only = leading, read_only
         self._lock = threading.Lock()
         self._changed: dict[str, RunRow] = {}
         self._news = threading.Event()
@@ -225,7 +227,9 @@ class Dispatcher:
         }  # fmt: skip
         connected = self._bus.connected
         router = "" if connected else f"the router at {self._bus.endpoint} is not reached"
-        known = self.desk.around(elsewhere, router, self._disk())
+        known = self.desk.around(
+            elsewhere, router=router, disk=self._disk(), read_only=self._read_only() or ""
+        )
         self._store_seen(
             {run: self.stalls.columns(self._rows[run], known[run], now_s) for run in known}
         )

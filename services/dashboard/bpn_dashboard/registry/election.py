@@ -64,13 +64,18 @@ class Election:
         """The router was reached again; others may take a little longer."""
         self._free_from_s = max(self._free_from_s, now_s + MISSED_S)
 
-    def decide(self, now_s: float) -> bool:
-        """Whether to serve from now on."""
+    def decide(self, now_s: float, *, connected: bool = True) -> bool:
+        """Whether to serve from now on; who does not reach the router sees nobody, and does not begin to."""
         if self.serves:
             self.serves = all(self._key < other for other in self._others)
         else:
-            self.serves = not self._others and now_s >= self._free_from_s
+            self.serves = connected and not self._others and now_s >= self._free_from_s
         return self.serves
+
+    @property
+    def settled(self) -> bool:
+        """Whether it is known who serves."""
+        return self.serves or bool(self._others)
 
     @property
     def rival(self) -> Rival | None:
@@ -114,6 +119,12 @@ class Candidate:
         with self._lock:
             return self._election.rival
 
+    @property
+    def settled(self) -> bool:
+        """Whether it is known who serves."""
+        with self._lock:
+            return self._election.settled
+
     def close(self) -> None:
         """Takes part no more; the token goes with the session."""
         self._closed.set()
@@ -136,7 +147,7 @@ class Candidate:
             if (router := self._bus.router) != self._router:
                 self._router = router
                 self._election.reconnected(time.monotonic())
-            serves = self._election.decide(time.monotonic())
+            serves = self._election.decide(time.monotonic(), connected=self._bus.connected)
             rival = self._election.rival
         if serves == (self._token is not None):
             return

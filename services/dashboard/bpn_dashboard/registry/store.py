@@ -48,7 +48,7 @@ class RunStore:
 
     Args:
         runs_dir: where the run folders are.
-        read_only: why people may change nothing now; None: they may.
+        read_only: why people may change nothing now; None: they may. May wait until that is known.
     """
 
     def __init__(
