@@ -21,6 +21,7 @@ EPISODES_STORED, EPOCHS_DONE, STEPS_PLAYED = "episodes_stored", "epochs_done", "
 """Counters that tell of progress: the first two are the learner's, the last one is the edge's."""
 
 _MOST_REASONS = 4
+_MOST_REFUSED = 2
 _KINDS = ("learner", "edge", "robot_sim")
 
 
@@ -131,12 +132,13 @@ class Watchdog:
         """What the run waits for."""
         if around.router:
             return around.router
-        reasons = [*self._reasons(now_s, around), *around.refused]
+        reasons = [*self._reasons(now_s, around)][:_MOST_REASONS]
+        reasons += around.refused[:_MOST_REFUSED]
         if around.disk:
             reasons.append(around.disk)
         if not reasons:
             reasons = ["its learner computes" if self._learner() else "nobody reports from it"]
-        return "; ".join(reasons[:_MOST_REASONS])
+        return "; ".join(reasons)
 
     def _learner(self) -> _Heard | None:
         return next((h for h in self._heard.values() if _is_first_learner(h.report)), None)

@@ -3,6 +3,7 @@
 import threading
 import time
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 from uuid import UUID
 
@@ -29,6 +30,7 @@ from bpn_shared.worker import Worker, WorkerProcess
 CONFIG = RunConfig.for_task("reaching", iterations=3)
 REASON = "cvi needs ONNX Runtime, which is not installed"
 Hire = Callable[[Role], Puppet]
+GOLDEN = Path(__file__).parents[1] / "golden"
 
 
 @pytest.fixture
@@ -110,6 +112,28 @@ def test_a_worker_of_another_protocol_is_refused_with_a_sentence(
     newer = msgpack.packb({**msgpack.unpackb(asked.encode()), "schema": 99})
     with pytest.raises(RefusedError, match="schema 99, this program"):
         request(edge.bus, keys.lease_request(), newer, timeout_s=5.0)
+
+
+@pytest.mark.usefixtures("impatient")
+def test_a_worker_of_an_older_protocol_that_was_told_its_run_by_hand_is_named_at_the_run(
+    registry: Registry, hire: Hire, wait_for: WaitFor
+) -> None:
+    """It asks for no work, but it tells how it is: here as an edge of protocol 1 (of commit c1cfefb) once did."""
+    told = (GOLDEN / "protocol-1" / "telemetry.msgpack").read_bytes()
+    row = registry.store.create(CONFIG, actor="test")
+    learner = hire("learner")
+    learner.work(wait_for)
+    registry.store.folder(row.id).set_state("running", new_attempt=True)
+    sentence = "edge edge-b2d36365fab3 speaks protocol 1 (a bpn that does not tell its version)"
+
+    def named() -> bool:
+        learner.bus.zenoh.put(keys.telemetry("edge", "edge-b2d36365fab3"), told)
+        learner.report(row.id)
+        return sentence in registry.store.get(row.id).waiting_reason
+
+    wait_for(named, "the old edge to be named")
+    (refused,) = registry.running.refused()
+    assert refused.reason.startswith(sentence)
 
 
 def test_a_refused_worker_says_so_and_asks_seldom(

@@ -102,8 +102,8 @@ def test_a_refused_worker_is_told_what_to_install_and_remembered_while_it_asks()
     assert why_refused(asked.model_copy(update={"protocol": PROTOCOL})) is None
     assert "a bpn that does not tell" in str(why_refused(asked.model_copy(update={"version": ""})))
     refusals = Refusals()
-    refusals.note(asked, reason, 0.0)
-    refusals.note(asked, reason, 60.0)
+    refusals.note("edge", "edge-12", reason, 0.0)
+    refusals.note("edge", "edge-12", reason, 60.0)
     (refused,) = refusals.current(60.0 + FORGET_S)
     assert (refused.worker, refused.reason, refused.at_s) == ("edge-12", reason, 60.0)
     assert refusals.current(60.1 + FORGET_S) == []

@@ -26,6 +26,7 @@ from bpn_shared.bus.liveliness import TokenWatch
 from bpn_shared.bus.requests import NoReplyError, RefusedError, Responder, request
 from bpn_shared.bus.session import Bus
 from bpn_shared.bus.telemetry import TelemetryWatch
+from bpn_shared.messages.telemetry import Telemetry
 from bpn_shared.service import Counters
 
 log = logging.getLogger(__name__)
@@ -83,13 +84,17 @@ class Dispatcher:
         self._watches = (
             TokenWatch(self._bus, keys.live("*", "*"), self.desk.on_worker),
             TokenWatch(self._bus, keys.lease("*", "*", "*", "*"), self.desk.on_lease),
-            TelemetryWatch(self._bus, self.stalls.hear, Counters()),  # the hub counts what is none
+            TelemetryWatch(self._bus, self._hear, Counters()),  # the hub counts what is none
         )
         self._responder = self._respond() if self._leading else None
         self._thread.start()
 
     def _respond(self) -> Responder:
         return Responder(self._bus, keys.lease_request(), self._answer, self._counters)
+
+    def _hear(self, report: Telemetry) -> None:
+        self.stalls.hear(report)
+        self.desk.hear(report)
 
     def _answer(self, body: bytes) -> bytes:
         self.desk.on_router(self._bus.router)
