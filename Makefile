@@ -43,7 +43,7 @@ test-containers: $(INSTALLED) ## build the images, run the whole loop in contain
 	BPN_CONTAINERS=1 $(BIN)/pytest tests/containers
 
 test-chaos: $(INSTALLED) ## every fault that containers may have in the middle of a run (about half an hour), and to a run's files
-	BPN_CHAOS=1 $(BIN)/pytest tests/chaos/test_flip_anything.py
+	BPN_CHAOS=1 $(BIN)/pytest tests/chaos/test_flip_anything.py tests/chaos/test_cut_off.py
 	BPN_CONTAINERS=1 BPN_CHAOS=1 $(BIN)/pytest -s tests/containers/test_chaos.py tests/containers/test_full_disk.py
 
 test-fresh-machine: ## the README's two commands in a bare container, as root and as a normal user (half an hour; any Docker Engine)

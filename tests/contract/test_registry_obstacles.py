@@ -1,5 +1,6 @@
 """What keeps a run from going on: the registry ends it with the reason, or says what it waits for."""
 
+import errno
 import threading
 import time
 from collections.abc import Callable
@@ -232,7 +233,7 @@ def test_of_two_registries_on_a_router_one_serves_and_the_other_takes_over(
 ) -> None:  # fmt: skip
     monkeypatch.setattr("bpn_dashboard.registry.election.SETTLE_S", 0.2)
     monkeypatch.setattr("bpn_dashboard.registry.election.MISSED_S", 0.2)
-    first = Candidate(registry.bus, "dashboard-b", lambda _: None)
+    first = Candidate(registry.bus, "dashboard-b", lambda _: None, Counters())
     wait_for(lambda: first.serves, "the first to serve")
     told: list[bool] = []
     bus = open_bus()
@@ -243,7 +244,7 @@ def test_of_two_registries_on_a_router_one_serves_and_the_other_takes_over(
         other.lead(leading)
         told.append(leading)
 
-    second = Candidate(bus, "dashboard-a", lead)
+    second = Candidate(bus, "dashboard-a", lead, Counters())
     wait_for(lambda: second.rival, "the second to see the first")
     assert "serves this router: read-only" in str(second.rival)
     assert not told
@@ -258,8 +259,30 @@ def test_of_two_registries_on_a_router_one_serves_and_the_other_takes_over(
     other.close()
 
 
+def test_rounds_that_fail_are_told_once_and_why_nobody_gets_work(
+    registry: Registry,
+    wait_for: WaitFor,
+    monkeypatch: pytest.MonkeyPatch,
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    def none_left(_folder: Path) -> None:
+        raise OSError(errno.EMFILE, "Too many open files")
+
+    monkeypatch.setattr(dispatching, "_SERVED_WITHIN_S", 0.5)
+    assert registry.running.trouble is None
+    with monkeypatch.context() as full:
+        full.setattr("bpn_dashboard.registry.index.candidates", none_left)
+        full.setattr(dispatching, "ADOPT_S", 0.0)
+        registry.running._adopt_at_s = 0.0
+        wait_for(lambda: registry.running.trouble, "the trouble to be told")
+        assert "Too many open files" in registry.running.trouble
+        wait_for(lambda: registry.counters.snapshot()["rounds_failed"] > 5, "more rounds")
+        assert sum(record.exc_info is not None for record in caplog.records) == 1
+    wait_for(lambda: registry.running.trouble is None, "the rounds to go on")
+
+
 def test_workers_that_do_not_let_go_delay_nobody(open_bus: Callable[[], Bus]) -> None:
-    releases = Releases(open_bus())
+    releases = Releases(open_bus(), Counters())
     places = [(Place(UUID(int=1), "edge", slot), f"edge-{slot}", "over") for slot in range(40)]
     begin_s = time.monotonic()
     for _ in range(10):

@@ -60,7 +60,8 @@ class Live:
             return f"the connection to the router at {self.bus.endpoint} is lost"
         if not self.candidate.serves:
             return self.read_only() or _LOOKING
-        return None if self.dispatcher.alive else "the registry does not serve workers"
+        trouble = self.dispatcher.trouble
+        return None if trouble is None else f"the registry does not serve workers: {trouble}"
 
     def read_only(self) -> str | None:
         """Why nothing may be changed here; None: it may."""
@@ -144,7 +145,7 @@ async def _joined(
         )
         stack.push_async_callback(asyncio.to_thread, live.dispatcher.close)
         await asyncio.to_thread(live.dispatcher.start)
-        live.candidate = Candidate(bus, name, live.dispatcher.lead)
+        live.candidate = Candidate(bus, name, live.dispatcher.lead, context.counters)
         stack.push_async_callback(asyncio.to_thread, live.candidate.close)
         live.bus = bus
         try:

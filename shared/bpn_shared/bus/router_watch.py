@@ -111,8 +111,8 @@ class RouterWatch:
         while not self._closed.wait(self._period_s):
             try:
                 self._look()
-            except Exception:
-                log.exception("watching the router failed")
+            except Exception as error:
+                self._counters.fault("router_watch_failed", "watching the router", error)
 
     def _look(self) -> None:
         if self._certificate is not None:

@@ -13,6 +13,7 @@ from bpn_dashboard.api.context import Context
 from bpn_dashboard.live import Live, stay_joined
 from bpn_dashboard.registry.election import Candidate
 from bpn_shared.bus.session import Bus
+from bpn_shared.service import Counters
 
 WaitFor = Callable[..., None]
 
@@ -43,7 +44,7 @@ def test_the_second_refuses_from_its_first_moment_and_takes_changes_once_the_fir
     endpoint: str, open_bus: Callable[[], Bus], context: Context, tmp_path: Path, wait_for: WaitFor
 ) -> None:
     first_bus = open_bus()
-    first = Candidate(first_bus, "dashboard-z", lambda _: None)
+    first = Candidate(first_bus, "dashboard-z", lambda _: None, Counters())
     wait_for(lambda: first.serves, "the first to serve")
     with joining(endpoint, context, tmp_path) as second:
         for _ in range(200):

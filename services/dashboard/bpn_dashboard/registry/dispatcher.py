@@ -26,6 +26,7 @@ from bpn_shared.bus.liveliness import TokenWatch
 from bpn_shared.bus.requests import NoReplyError, RefusedError, Responder, request
 from bpn_shared.bus.session import Bus
 from bpn_shared.bus.telemetry import TelemetryWatch
+from bpn_shared.errors import one_line
 from bpn_shared.messages.telemetry import Telemetry
 from bpn_shared.service import Counters
 
@@ -70,10 +71,10 @@ class Dispatcher:
         self._rows: dict[str, RunRow] = {}  # of runs that are not over
         self._observers: dict[str, Observer] = {}
         self.stalls = Stalls()
-        self._releases = Releases(bus)
+        self._releases = Releases(bus, counters)
         self._probed_s: dict[str, float] = {}
         self._adopt_at_s = self._stalls_at_s = 0.0
-        self._served_s = time.monotonic()
+        self._served_s, self._trouble = time.monotonic(), ""
         self._thread = threading.Thread(target=self._run, name="dispatcher", daemon=True)
 
     def start(self) -> None:
@@ -120,10 +121,13 @@ class Dispatcher:
         self._releases.close()
 
     @property
-    def alive(self) -> bool:
-        """Whether its rounds go on and succeed."""
-        served = time.monotonic() - self._served_s < _SERVED_WITHIN_S
-        return served and self._thread.is_alive()
+    def trouble(self) -> str | None:
+        """Why its rounds do not go on or succeed; None: they do."""
+        if not self._thread.is_alive():
+            return "its thread has ended"
+        if time.monotonic() - self._served_s < _SERVED_WITHIN_S:
+            return None
+        return self._trouble or f"a round takes longer than {_SERVED_WITHIN_S:.0f} s"
 
     def refused(self) -> list[Refused]:
         """The workers that ask for work and cannot be used."""
@@ -142,9 +146,10 @@ class Dispatcher:
             self._news.clear()
             try:
                 self._tick()
-                self._served_s = time.monotonic()
-            except Exception:
-                log.exception("the registry's round failed, and is tried again")
+                self._served_s, self._trouble = time.monotonic(), ""
+            except Exception as error:
+                self._trouble = one_line(error)
+                self._counters.fault("rounds_failed", "a round of the registry", error)
                 self._closed.wait(PERIOD_S)
 
     def _tick(self) -> None:

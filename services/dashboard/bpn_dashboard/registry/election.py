@@ -16,6 +16,7 @@ from typing import NamedTuple
 from bpn_shared import keys
 from bpn_shared.bus.liveliness import Token, TokenWatch
 from bpn_shared.bus.session import Bus
+from bpn_shared.service import Counters
 
 log = logging.getLogger(__name__)
 
@@ -92,10 +93,13 @@ class Candidate:
     Args:
         name: of this life of the dashboard.
         lead: is told whether to serve, on the thread.
+        counters: what fails is counted here.
     """
 
-    def __init__(self, bus: Bus, name: str, lead: Callable[[bool], None]) -> None:
-        self._bus, self._lead = bus, lead
+    def __init__(
+        self, bus: Bus, name: str, lead: Callable[[bool], None], counters: Counters
+    ) -> None:
+        self._bus, self._lead, self._counters = bus, lead, counters
         host = re.sub(r"[^A-Za-z0-9_.-]", "-", platform.node()) or "unknown"
         self._key = keys.serving(host, str(os.getpid()), name)
         self._lock = threading.Lock()
@@ -139,8 +143,10 @@ class Candidate:
         while not self._closed.wait(_PERIOD_S):
             try:
                 self._decide()
-            except Exception:
-                log.exception("the election of who serves the router failed, and is tried again")
+            except Exception as error:
+                self._counters.fault(
+                    "elections_failed", "the election of who serves the router", error
+                )
 
     def _decide(self) -> None:
         with self._lock:
