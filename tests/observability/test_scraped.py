@@ -17,11 +17,10 @@ import yaml
 from secure_router import SecureRouter
 
 from bpn.dashboard import Dashboard
-from bpn_certificates import authority as x509
 from bpn_certificates.authority import Validity
 from bpn_certificates.folders import make
 from bpn_shared import keys
-from bpn_shared.bus.certificates import CERTIFICATE, FOLDER_VARIABLE, KEY
+from bpn_shared.bus.certificates import FOLDER_VARIABLE
 from bpn_shared.bus.requests import RefusedError, request
 
 FOLDER = Path(__file__).parents[2] / "deploy" / "prometheus"
@@ -93,15 +92,6 @@ def firing(client: httpx.Client) -> list[dict[str, Any]]:
     return [alert for alert in alerts if alert["state"] == "firing"]
 
 
-def with_near_end(secured: SecureRouter, role: str) -> None:
-    """Gives a role a certificate that is good for 20 days more."""
-    now = datetime.now(UTC)
-    identity = x509.issue(secured.authority, role, Validity(now - 345 * DAY, now + 20 * DAY))
-    for file, content in ((CERTIFICATE, identity.certificate_pem()), (KEY, identity.key_pem())):
-        (secured.certificates / role / file).unlink()
-        (secured.certificates / role / file).write_bytes(content)
-
-
 @pytest.mark.timeout(3 * DEADLINE_S)
 def test_trouble_that_is_really_there_makes_the_alerts_fire_and_no_others(
     tmp_path: Path, free_tcp_port: Callable[[], int], wait_for: WaitFor
@@ -109,7 +99,8 @@ def test_trouble_that_is_really_there_makes_the_alerts_fire_and_no_others(
     endpoint = f"tls/localhost:{free_tcp_port()}"
     secured = SecureRouter(endpoint, tmp_path / "certificates")
     make(secured.certificates, days=365, server_names=["localhost"])
-    with_near_end(secured, "robot_sim")
+    now = datetime.now(UTC)
+    secured.reissue("robot_sim", Validity(now - 345 * DAY, now + 20 * DAY))
     runs_dir, token = tmp_path / "runs", tmp_path / "token"
 
     def service(module: str, role: str, *arguments: str) -> Any:
