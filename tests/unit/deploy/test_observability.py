@@ -1,6 +1,7 @@
 """Prometheus in compose and Kubernetes: one configuration, and every path in it is there."""
 
 import copy
+import re
 import shutil
 import subprocess
 from pathlib import Path
@@ -120,3 +121,22 @@ def test_kustomize_takes_it_as_a_component(tmp_path: Path) -> None:
     (pod,) = (m["spec"]["template"]["spec"] for m in rendered if m["kind"] == "Deployment")
     assert rules["metadata"]["name"] in str(pod["volumes"])
     assert pod["containers"][1]["image"].startswith("prom/prometheus:v")
+
+
+def test_every_alert_says_how_grave_it_is_and_where_it_stands_what_to_do() -> None:
+    page = (ROOT / "docs/observability.md").read_text()
+    (group,) = load("alerts.yaml")["groups"]
+    told = dict(re.findall(r"^### (Bpn\w+)\n(Critical|Warning)\. ", page, flags=re.MULTILINE))
+    assert told == {r["alert"]: r["labels"]["severity"].title() for r in group["rules"]}
+    for rule in group["rules"]:
+        assert rule["annotations"].keys() == {"summary", "description", "runbook"}
+        anchor = rule["alert"].lower()
+        assert rule["annotations"]["runbook"] == f"docs/observability.md#{anchor}"
+
+
+def test_every_metric_that_a_rule_watches_is_one_of_ours() -> None:
+    page = (ROOT / "docs/observability.md").read_text()
+    ours = set(re.findall(r"^\| `(bpn_\w+)` \|", page, flags=re.MULTILINE))
+    (group,) = load("alerts.yaml")["groups"]
+    used = set(re.findall(r"\bbpn_\w+", " ".join(rule["expr"] for rule in group["rules"])))
+    assert used <= ours
