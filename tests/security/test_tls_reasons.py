@@ -27,7 +27,7 @@ from bpn_shared.bus.certificates import (
     KEY,
     CertificateFiles,
 )
-from bpn_shared.bus.obstacle import obstacle, plain
+from bpn_shared.bus.obstacle import obstacle, plain, router_certificate
 from bpn_shared.bus.session import Bus, BusError
 from bpn_shared.bus.x509 import Life, facts, facts_of
 
@@ -221,3 +221,14 @@ def test_the_end_is_near_from_thirty_days_on_and_for_the_last_quarter_of_a_short
 )
 def test_places_in_source_code_are_left_out(said: str) -> None:
     assert plain(RuntimeError(said)) in ("no link!", "no link! [a]")
+
+
+def test_what_a_router_shows_can_be_looked_at_without_being_let_in(
+    router: SecureRouter, free_tcp_endpoint: str
+) -> None:
+    shown = router_certificate(router.endpoint)
+    assert shown == facts_of(router.certificates / "router" / CERTIFICATE)
+    nobody = free_tcp_endpoint.replace("tcp/", "tls/")
+    assert [router_certificate(e) for e in (nobody, "tls/[::1:1", "tcp/127.0.0.1:1", "")] == [
+        None
+    ] * 4
