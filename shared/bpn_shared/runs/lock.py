@@ -157,9 +157,10 @@ def _open(path: Path, flags: int) -> int:
     try:
         descriptor = os.open(path, flags | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC, 0o666)
     except OSError as error:
-        if error.errno not in _FOREIGN:
+        if error.errno in (errno.ENOENT, *_FULL):
             raise
-        raise ConfigError(f"{path}: {error.strerror}; remove it, it is no lock file") from error
+        remedy = "; remove it, it is no lock file" if error.errno in _FOREIGN else ""
+        raise ConfigError(f"{path}: {error.strerror}{remedy}") from error
     if not stat.S_ISREG(os.fstat(descriptor).st_mode):
         os.close(descriptor)
         raise ConfigError(f"{path} is no regular file: remove it, it is no lock file")

@@ -1,18 +1,16 @@
 """Runs that are removed and brought back: files in use, links, a full disk, two callers at once."""
 
 import os
-import resource
 import shutil
 import subprocess
 import sys
 import threading
-from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
 from pathlib import Path
 from uuid import UUID
 
 import pytest
+from disks import no_file_grows
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -46,17 +44,6 @@ def everything(top: Path) -> dict[str, bytes | str | None]:
     return {str(path.relative_to(top)): of(path) for path in sorted(top.rglob("*"))}
 
 
-@contextmanager
-def full_disk() -> Iterator[None]:
-    """No file of this process may grow, as on a full disk; names still can be made and moved."""
-    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (0, hard))
-    try:
-        yield
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
-
-
 @settings(max_examples=30)
 @given(
     files=st.dictionaries(
@@ -78,7 +65,7 @@ def test_what_is_removed_and_restored_is_as_it_was(tmp_path_factory, files, link
             os.symlink(target, folder.path / name)
     before, trash = everything(folder.path), Trash(runs_dir)
     if full:
-        with full_disk():
+        with no_file_grows():
             trash.put(str(RUN), "me")
     else:
         trash.put(str(RUN), "me")
@@ -118,7 +105,7 @@ def test_a_note_of_an_earlier_removal_does_not_count(trash: Trash) -> None:
     note = (trash.path / f"{RUN}.json").read_bytes()
     trash.restore(str(RUN))
     (trash.path / f"{RUN}.json").write_bytes(note)  # it died before this was taken away
-    with full_disk():
+    with no_file_grows():
         trash.put(str(RUN), "you")
     assert trash.contents()[0].by == ""
 
@@ -231,7 +218,7 @@ def test_only_ids_are_names(trash: Trash, name: str) -> None:
 
 def test_a_full_disk_hinders_neither_removal_nor_deletion(folder: RunFolder, trash: Trash) -> None:
     other = RunFolder.create(folder.path.parent, UUID(int=2), RunConfig())
-    with full_disk():
+    with no_file_grows():
         assert trash.put(str(RUN), "me").run == str(RUN)
         trash.put(str(other.run), "me")
         trash.restore(str(RUN))

@@ -123,7 +123,7 @@ class RunPatch(Request):
 class BulkAction(Request):
     """The same for many runs."""
 
-    action: Literal["stop", "resume", "archive", "unarchive"]
+    action: Literal["stop", "resume", "archive", "unarchive", "remove", "restore"]
     ids: Annotated[list[RunId], Field(min_length=1, max_length=MAX_IDS)]
 
 
