@@ -3,7 +3,6 @@
 import shutil
 import threading
 from concurrent.futures import ThreadPoolExecutor
-from pathlib import Path
 from typing import Any
 from uuid import UUID
 
@@ -322,9 +321,15 @@ def test_only_what_is_no_longer_kept_is_emptied(store, context: Context) -> None
     assert [removed.run for removed, _ in context.removals.contents()] == [long.id]
 
 
-def test_what_cannot_be_read_has_a_name_in_the_trash(store, removals) -> None:
+def test_what_cannot_be_read_can_be_removed(store, removals) -> None:
     folder = RunFolder.create(store.runs_dir, UUID(int=3), CONFIG)
+    folder.write("config.json", b"{")
     store.adopt()
-    removals.remove(str(folder.run), "me")
-    (Path(store.runs_dir) / ".trash" / str(folder.run) / "config.json").write_bytes(b"{")
-    assert [name for _, name in removals.contents()] == ["? ? seed ?"]
+    assert store.ids() == frozenset()
+    removed = removals.remove(str(folder.run), "me")
+    assert removals.contents() == [(removed, "? ? seed ?")]
+    with pytest.raises(
+        ConfigError, match=r"config\.json"
+    ):  # it is back, and why it has no row is said
+        removals.restore(str(folder.run), "me")
+    assert (folder.path / "config.json").read_bytes() == b"{"

@@ -8,36 +8,14 @@ from pydantic import BaseModel, Field
 
 from bpn_dashboard.api.configs import Request
 from bpn_dashboard.api.context import Admin, Operator, Parts, Viewer
-from bpn_dashboard.api.models import Run
+from bpn_dashboard.api.models import RemovedRun, Run
 from bpn_dashboard.api.problems import Problem, problem_of, responses
 from bpn_dashboard.registry.removals import Tidied
 from bpn_dashboard.registry.retention import Rule
-from bpn_shared.runs.trash import Removed
 
 router = APIRouter(tags=["trash"])
 
 _MOST = 10**9
-
-
-class RemovedRun(BaseModel):
-    """A run in the trash."""
-
-    id: str
-    name: str
-    removed_at_unix_s: float
-    removed_by: Annotated[str, Field(description="empty: that could not be written down")]
-    kept_until_unix_s: Annotated[float, Field(description="then it is deleted for good")]
-
-    @classmethod
-    def of(cls, removed: Removed, name: str) -> "RemovedRun":
-        """As the API shows it."""
-        return cls(
-            id=removed.run,
-            name=name,
-            removed_at_unix_s=removed.at_unix_s,
-            removed_by=removed.by,
-            kept_until_unix_s=removed.until_unix_s,
-        )
 
 
 class TrashContents(BaseModel):
@@ -77,8 +55,8 @@ class TidiedRuns(BaseModel):
 @router.delete("/runs/{run_id}", operation_id="removeRun", responses=responses(404, 409, 507))
 def remove_run(who: Operator, parts: Parts, run_id: str) -> RemovedRun:
     """Moves a run that nobody works on to the trash, from which it can be restored for some days."""
-    name = parts.removals.name_of(run_id)
-    return RemovedRun.of(parts.removals.remove(run_id, who.name), name)
+    removed = parts.removals.remove(run_id, who.name)
+    return RemovedRun.of(removed, parts.removals.name_of(removed))
 
 
 @router.post("/runs/prune", operation_id="pruneRuns", responses=responses(409, 422))
@@ -96,7 +74,7 @@ def list_trash(_who: Viewer, parts: Parts) -> TrashContents:
 
 
 @router.post(
-    "/trash/{run_id}/restore", operation_id="restoreRun", responses=responses(404, 409, 507)
+    "/trash/{run_id}/restore", operation_id="restoreRun", responses=responses(404, 409, 422, 507)
 )
 def restore_run(who: Operator, parts: Parts, run_id: str) -> Run:
     """Brings a run back, as it was."""

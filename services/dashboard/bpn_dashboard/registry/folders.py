@@ -16,6 +16,7 @@ from bpn_dashboard.registry.progress import Progress
 from bpn_dashboard.registry.states import observed
 from bpn_shared.config import ConfigError
 from bpn_shared.runs.folder import RunFolder, is_run_id
+from bpn_shared.runs.trash import Removed, Trash
 
 _FILES = ("config.json", "state.json", "about.json")
 _NEEDED: dict[str, tuple[type, int]] = {
@@ -77,6 +78,19 @@ def name_of(about: About, values: Mapping[str, Any]) -> str:
     """The name of a run: what people call it, or what its configuration says most of."""
     task, algorithm, seed = (values.get(key, "?") for key in ("task", "algorithm", "seed"))
     return about.name or f"{task} {algorithm} seed {seed}"
+
+
+def named_contents(trash: Trash) -> list[tuple[Removed, str]]:
+    """What is in the trash, those removed last first, each with its name."""
+    return [(removed, name_in_trash(trash, removed.run)) for removed in trash.contents()]
+
+
+def name_in_trash(trash: Trash, run_id: str) -> str:
+    """The name of a removed run, as far as its files tell."""
+    folder, about = RunFolder(trash.path / run_id), About()
+    with contextlib.suppress(ConfigError):
+        about = About.read(folder)
+    return name_of(about, folder.raw_config())
 
 
 def row_of(folder: RunFolder, about: About | None = None) -> RunRow:

@@ -1,6 +1,5 @@
 """Runs that are removed, brought back and deleted for good: the folder by the trash, the row behind it."""
 
-import contextlib
 import logging
 import threading
 import time
@@ -12,16 +11,16 @@ from sqlalchemy.exc import OperationalError
 from bpn_dashboard.database import audit
 from bpn_dashboard.database.engine import Database
 from bpn_dashboard.database.tables import RunRow
-from bpn_dashboard.registry.about import About
 from bpn_dashboard.registry.errors import RunBusyError, RunStateError, UnknownRunError
-from bpn_dashboard.registry.folders import name_of, row_of
+from bpn_dashboard.registry.folders import name_in_trash, named_contents, row_of
 from bpn_dashboard.registry.index import forget
 from bpn_dashboard.registry.query import RunFilter
 from bpn_dashboard.registry.retention import Rule, is_wanted
 from bpn_dashboard.registry.store import RunStore
 from bpn_shared.config import ConfigError
 from bpn_shared.errors import one_line
-from bpn_shared.runs.folder import RunFolder, RunOwnedError
+from bpn_shared.runs.lock import RunOwnedError
+from bpn_shared.runs.opening import folder_names, is_run_id
 from bpn_shared.runs.trash import NotThereError, OccupiedError, Removed, Trash
 
 log = logging.getLogger(__name__)
@@ -77,18 +76,17 @@ class Removals:
         self._store.audience.tell_gone([run_id])
         return removed
 
-    def _there(self, run_id: str) -> RunRow:
+    def _check_idle(self, run_id: str) -> None:
         try:
-            return self._store.get(run_id)
+            row = self._store.get(run_id)
         except UnknownRunError as error:
+            if is_run_id(run_id) and run_id in folder_names(self._store.runs_dir):
+                return  # it cannot be read, and no worker gets it
             if (removed := self._trash.find(run_id)) is None:
                 raise
             raise UnknownRunError(
                 run_id, f"run {run_id} is in the trash, {_by(removed)}"
             ) from error
-
-    def _check_idle(self, run_id: str) -> None:
-        row = self._there(run_id)
         if is_wanted(row):
             raise RunBusyError(
                 f"run {run_id} is {row.state}: stop it before removing it (`bpn runs stop {run_id}`)"
@@ -110,6 +108,7 @@ class Removals:
         Raises:
             UnknownRunError: it is not in the trash, or no longer; the message says where it is.
             RunStateError: there is one of its id again.
+            ConfigError: it is back, and cannot be read; the message says why.
             OSError: it cannot be moved; it is where it was.
         """
         self._store.check_writable()
@@ -127,23 +126,13 @@ class Removals:
         except (OperationalError, UnknownRunError):  # its row comes when the database takes it
             return row_of(self._store.folder(run_id))
 
-    def name_of(self, run_id: str) -> str:
-        """What a run is called that is there.
-
-        Raises:
-            UnknownRunError: there is none of that id.
-        """
-        return self._there(run_id).name
+    def name_of(self, removed: Removed) -> str:
+        """What a removed run is called."""
+        return name_in_trash(self._trash, removed.run)
 
     def contents(self) -> list[tuple[Removed, str]]:
         """What is in the trash, those removed last first, each with its name."""
-        return [(removed, self._name(removed.run)) for removed in self._trash.contents()]
-
-    def _name(self, run_id: str) -> str:
-        folder, about = RunFolder(self._trash.path / run_id), About()
-        with contextlib.suppress(ConfigError):
-            about = About.read(folder)
-        return name_of(about, folder.raw_config())
+        return named_contents(self._trash)
 
     def delete(self, run_id: str, actor: str) -> None:
         """Deletes a removed run for good.
