@@ -14,6 +14,7 @@ from bpn_shared.config import ConfigError
 from bpn_shared.runs.trash import KEPT_DAYS
 
 DEFAULT_PORT = 8000
+DATABASE_FILE = ".dashboard.sqlite"
 
 
 def argument_parser() -> argparse.ArgumentParser:
@@ -102,7 +103,7 @@ def retention(options: argparse.Namespace) -> Rule | None:
 
 def database_url(state_dir: Path, url: str | None = None) -> str:
     """The database of a URL, or the one in the state folder."""
-    return url or sqlite_url(state_dir / ".dashboard.sqlite")
+    return url or sqlite_url(state_dir / DATABASE_FILE)
 
 
 def state_dir(options: argparse.Namespace) -> Path:
