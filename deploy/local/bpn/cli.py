@@ -30,7 +30,7 @@ class Command(NamedTuple):
 COMMANDS = {
     "up": Command("up", "start the dashboard and workers"),
     "train": Command("train", "train a policy"),
-    "runs": Command("runs", "list, start and stop runs"),
+    "runs": Command("runs", "list, start, stop and remove runs"),
     "eval": Command("evaluate", "play a trained policy"),
     "verify": Command("verify", "recompute what a run says, in other code"),
     "reproduce": Command("reproduce", "make a figure or table of the paper"),

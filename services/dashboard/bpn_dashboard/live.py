@@ -6,7 +6,7 @@ import logging
 import math
 import threading
 import time
-from collections.abc import AsyncIterator, Sequence
+from collections.abc import AsyncIterator, Collection, Sequence
 from contextlib import AsyncExitStack, asynccontextmanager
 from dataclasses import dataclass, field
 
@@ -104,6 +104,12 @@ class Live:
         if (hub := self.hub) is not None:
             for row in rows:
                 hub.publish("runs", Run.of(row).model_dump(mode="json"))
+
+    def publish_gone(self, run_ids: Collection[str]) -> None:
+        """Tells them which runs are not there any more."""
+        if (hub := self.hub) is not None:
+            for run_id in run_ids:
+                hub.publish("runs", {"id": run_id, "removed": True})
 
 
 async def stay_joined(

@@ -81,7 +81,7 @@ class Dispatcher:
 
     def start(self) -> None:
         """Begins; workers get leases once the tokens of those that work already have been told."""
-        self._store.subscribe(self._take_changes)
+        self._store.audience.subscribe(self._take_changes)
         self._take_changes(self._store.find(RunFilter(states=_NOT_OVER, archived=None)))
         self.desk.on_router(self._bus.router)
         self._watches = (
@@ -115,7 +115,7 @@ class Dispatcher:
 
     def close(self) -> None:
         """Ends the thread; workers go on with what they have."""
-        self._store.unsubscribe(self._take_changes)
+        self._store.audience.unsubscribe(self._take_changes)
         self._closed.set()
         self._news.set()
         if self._thread.is_alive():
@@ -163,6 +163,9 @@ class Dispatcher:
         if now_s >= self._adopt_at_s:
             self._store.adopt()
             self._take_changes(self._store.changed_folders())
+            for run_id in self._rows.keys() - self._store.ids():  # removed
+                self._forget(run_id)
+            self._demand()
             self._adopt_at_s = now_s + ADOPT_S
         self.desk.on_router(self._bus.router)
         self._note_losses()
