@@ -9,7 +9,7 @@ PACKAGES := shared services/edge services/learner services/robot_sim services/da
 SOURCES := $(PACKAGES:%=%/bpn*)
 
 .DEFAULT_GOAL := help
-.PHONY: help up test mutants fuzz test-sanitized test-browser test-containers test-chaos test-fresh-machine screenshots lint check-claims format bench bench-sweep reproduce reproduce-quick doctor clean
+.PHONY: help up test images mutants fuzz test-sanitized test-browser test-containers test-chaos test-fresh-machine screenshots lint check-claims format bench bench-sweep reproduce reproduce-quick doctor clean
 
 help:            ## this list
 	@grep -hE '^[a-z-]+: .*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 20
@@ -38,6 +38,9 @@ test-browser: $(INSTALLED) ## the web UI in Chromium: journeys, accessibility, n
 screenshots: $(INSTALLED) ## the pictures of the web UI in docs/dashboard, and how long a newcomer waits for them
 	sh deploy/local/check-system.sh $(PYTHON) browser
 	$(BIN)/python bench/screenshots.py
+
+images:          ## build the images, which know version and commit
+	BPN_COMMIT=$$(git describe --always --dirty --abbrev=40 --exclude='*' || true) docker compose build
 
 test-containers: $(INSTALLED) ## build the images, run the whole loop in containers (any Docker Engine from 25 on)
 	BPN_CONTAINERS=1 $(BIN)/pytest tests/containers

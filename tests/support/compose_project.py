@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from bpn_shared.access import ROLES
+from bpn_shared.version import VERSION
 
 ROOT = Path(__file__).parents[2]
 BUILD_TIMEOUT_S = 1800
