@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 import pytest
 from chaos import facts, kill_main
-from compose_project import COMMAND_TIMEOUT_S, SERVICES, Project, docker
+from compose_project import COMMAND_TIMEOUT_S, SERVICES, Project, docker, image
 
 WaitFor = Callable[..., None]
 
@@ -91,7 +91,7 @@ def test_only_the_dashboard_can_be_reached_and_from_this_machine_alone(project: 
 
 def test_who_has_no_certificate_is_not_let_in(project: Project) -> None:
     done = subprocess.run(
-        ["docker", "run", "--rm", "--network", f"{project.name}_bus", "bpn-edge", "--connect=tls/router:7447"],
+        ["docker", "run", "--rm", "--network", f"{project.name}_bus", image("edge"), "--connect=tls/router:7447"],
         capture_output=True, text=True, timeout=COMMAND_TIMEOUT_S, check=False,
     )  # fmt: skip
     assert done.returncode == 2
@@ -105,10 +105,10 @@ def test_the_edge_image_is_small_and_has_neither_torch_nor_mujoco_nor_a_compiler
         "print([n for n in ('torch', 'mujoco', 'cryptography', 'pip') if importlib.util.find_spec(n)],"
         "[c for c in ('gcc', 'g++', 'cc', 'clang', 'make') if shutil.which(c)])"
     )
-    assert docker("run", "--rm", "--entrypoint", "python", "bpn-edge", "-c", probe) == "[] []\n"
+    assert docker("run", "--rm", "--entrypoint", "python", image("edge"), "-c", probe) == "[] []\n"
     base, edge = (
-        int(docker("image", "inspect", "-f", "{{.Size}}", image))
-        for image in ("python:3.11-slim-bookworm", "bpn-edge")
+        int(docker("image", "inspect", "-f", "{{.Size}}", name))
+        for name in ("python:3.11-slim-bookworm", image("edge"))
     )
     assert edge - base < EDGE_BEYOND_BASE_BYTES
 

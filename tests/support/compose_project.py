@@ -28,21 +28,32 @@ def docker(*arguments: str, timeout_s: float = COMMAND_TIMEOUT_S) -> str:
     Raises:
         EngineError: it failed or hung; the message has what it said.
     """
+    return _run(["docker", *arguments], timeout_s)
+
+
+def build_images() -> None:
+    """The images of the sources as they are.
+
+    Raises:
+        EngineError: one cannot be built; the message has why.
+    """
+    _run(["make", "images"], BUILD_TIMEOUT_S)
+
+
+def image(service: str) -> str:
+    """The image of a service as compose.yaml calls it."""
+    return f"bpn-{service.replace('_', '-')}:{VERSION}"
+
+
+def _run(words: list[str], timeout_s: float) -> str:
     try:
         done = subprocess.run(
-            ["docker", *arguments],
-            capture_output=True,
-            text=True,
-            timeout=timeout_s,
-            check=False,
-            cwd=ROOT,
+            words, capture_output=True, text=True, timeout=timeout_s, check=False, cwd=ROOT
         )
     except subprocess.TimeoutExpired as error:
-        raise EngineError(
-            f"docker {' '.join(arguments)}: no answer in {timeout_s:.0f} s"
-        ) from error
+        raise EngineError(f"{' '.join(words)}: no answer in {timeout_s:.0f} s") from error
     if done.returncode != 0:
-        raise EngineError(f"docker {' '.join(arguments)}\n{done.stdout}{done.stderr}")
+        raise EngineError(f"{' '.join(words)}\n{done.stdout}{done.stderr}")
     return done.stdout
 
 
