@@ -111,6 +111,15 @@ class Project:
         token: str = json.loads(address)["token"]
         return token
 
+    def metrics(self, token: str) -> str:
+        """What the dashboard tells Prometheus."""
+        request = urllib.request.Request(
+            f"http://127.0.0.1:{self.port}/metrics", headers={"Authorization": f"Bearer {token}"}
+        )
+        with urllib.request.urlopen(request, timeout=20) as answer:
+            said: bytes = answer.read()
+            return said.decode()
+
     def api(
         self, method: str, path: str, body: dict[str, Any] | None = None, token: str | None = None
     ) -> Any:
