@@ -9,7 +9,7 @@ PACKAGES := shared services/edge services/learner services/robot_sim services/da
 SOURCES := $(PACKAGES:%=%/bpn*)
 
 .DEFAULT_GOAL := help
-.PHONY: help up test images check-manifests mutants fuzz test-sanitized test-browser test-containers test-chaos test-fresh-machine screenshots lint check-claims format bench bench-sweep reproduce reproduce-quick doctor clean
+.PHONY: help up test images check-manifests mutants fuzz test-sanitized test-browser test-observability test-containers test-chaos test-fresh-machine screenshots lint check-claims format bench bench-sweep reproduce reproduce-quick doctor clean
 
 help:            ## this list
 	@grep -hE '^[a-z-]+: .*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 20
@@ -18,8 +18,8 @@ up: $(INSTALLED) ## start the dashboard and workers, with a first run
 	$(BIN)/bpn up
 
 test: lint       ## lint, then every test that takes seconds, then those that take minutes
-	$(BIN)/pytest tests --ignore=tests/browser
-	$(MAKE) test-browser
+	$(BIN)/pytest tests --ignore=tests/browser --ignore=tests/observability
+	$(MAKE) test-browser test-observability
 
 test-sanitized: $(INSTALLED) ## both C++ kernels under the address and undefined-behaviour sanitizers (minutes)
 	deploy/local/sanitize.sh $(BIN)/python
@@ -34,6 +34,10 @@ fuzz: $(INSTALLED) ## a million changed inputs for whatever reads bytes from els
 test-browser: $(INSTALLED) ## the web UI in Chromium: journeys, accessibility, nothing leaves the machine
 	sh deploy/local/check-system.sh $(PYTHON) browser
 	$(BIN)/pytest tests/browser
+
+test-observability: $(INSTALLED) ## the alert rules by Prometheus's checker, and a real Prometheus that sees real trouble (a minute)
+	sh deploy/local/check-system.sh $(PYTHON) observability
+	$(BIN)/pytest tests/observability
 
 screenshots: $(INSTALLED) ## the pictures of the web UI in docs/dashboard, and how long a newcomer waits for them
 	sh deploy/local/check-system.sh $(PYTHON) browser

@@ -17,6 +17,7 @@ from bpn_dashboard.hub.topology import Topology
 from bpn_dashboard.registry.dispatcher import Dispatcher
 from bpn_dashboard.registry.election import Candidate
 from bpn_dashboard.registry.versions import Refused
+from bpn_dashboard.registry.view import RegistryView
 from bpn_shared.backoff import Backoff
 from bpn_shared.bus.session import Bus, BusError
 from bpn_shared.config import ConfigError
@@ -64,6 +65,10 @@ class Live:
     def refused(self) -> list[Refused]:
         """The workers that ask for work and cannot be used."""
         return [] if self.dispatcher is None else self.dispatcher.refused()
+
+    def registry(self) -> RegistryView:
+        """What the registry knows beside the rows."""
+        return RegistryView() if self.dispatcher is None else self.dispatcher.view()
 
     def publish(self, rows: Sequence[RunRow]) -> None:
         """Tells the pages that are open."""

@@ -25,6 +25,7 @@ from bpn_dashboard.access.tokens import LINK_S
 from bpn_dashboard.api.app import Application, create_app
 from bpn_dashboard.api.context import Context, identify
 from bpn_dashboard.api.problems import ApiError
+from bpn_dashboard.certificates import OwnCertificates
 from bpn_dashboard.database.engine import Database, DatabaseError
 from bpn_dashboard.hub.websocket import live_route
 from bpn_dashboard.live import Live, stay_joined
@@ -59,6 +60,7 @@ def build(
     """The application with all its parts; its lifespan starts and ends them."""
     counters, live = Counters(), Live()
     connections = listener.connections = Connections(counters)
+    certificates = OwnCertificates(options.connect, options.certificate)
     runs = RunStore(database, options.runs_dir, read_only=live.read_only)
     context = Context(
         database=database,
@@ -67,12 +69,16 @@ def build(
         counters=counters,
         place=ConnectedWorkers(lambda: live.bus, live.gpus),
         topology=live.topology.snapshot,
+        refusals=live.topology.refusals,
+        registry=live.registry,
+        certificates=certificates.current,
         obstacle=live.obstacle,
         read_only=live.read_only,
         refused=live.refused,
         secure=is_secure(options),
         open_metrics=options.open_metrics,
         connections=connections,
+        state_dir=state_dir(options),
     )
 
     @asynccontextmanager
@@ -84,6 +90,7 @@ def build(
         runs.subscribe(context.ingest.take_in)
         runs.subscribe(live.publish)
         context.ingest.start()
+        certificates.start()
         joining = asyncio.create_task(stay_joined(options, context, live, stop))
         try:
             yield
@@ -92,6 +99,7 @@ def build(
             watching.cancel()
             await joining
             await asyncio.to_thread(context.ingest.close)
+            await asyncio.to_thread(certificates.close)
 
     def may_watch(connection: HTTPConnection) -> str | None:
         try:

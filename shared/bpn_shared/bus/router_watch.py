@@ -11,6 +11,7 @@ from bpn_shared.bus.certificates import own_certificates
 from bpn_shared.bus.obstacle import obstacle
 from bpn_shared.bus.renewal import CertificateWatch
 from bpn_shared.bus.session import Bus, BusError
+from bpn_shared.bus.x509 import Life
 from bpn_shared.service import Counters, Waiting
 
 log = logging.getLogger(__name__)
@@ -88,6 +89,11 @@ class RouterWatch:
         self._closed = threading.Event()
         self._thread = threading.Thread(target=self._watch, name="router watch", daemon=True)
         self._thread.start()
+
+    @property
+    def certificate(self) -> Life | None:
+        """For how long the certificates are good with which the router is reached; None: without any."""
+        return None if self._certificate is None else self._certificate.life
 
     @contextlib.contextmanager
     def holding_for(self, after_s: float, stop: threading.Event) -> Iterator[None]:

@@ -21,6 +21,7 @@ from bpn_dashboard.registry.stalls import Stalls
 from bpn_dashboard.registry.states import OVER, is_busy
 from bpn_dashboard.registry.store import RunStore
 from bpn_dashboard.registry.versions import Refused
+from bpn_dashboard.registry.view import RegistryView
 from bpn_shared import keys
 from bpn_shared.bus.liveliness import TokenWatch
 from bpn_shared.bus.requests import NoReplyError, RefusedError, Responder, request
@@ -69,6 +70,7 @@ class Dispatcher:
         self.stalls = Stalls()
         self._releases = Releases(bus)
         self._probed_s: dict[str, float] = {}
+        self._advanced_unix_s: dict[str, float] = {}
         self._adopt_at_s = self._stalls_at_s = 0.0
         self._served_s = time.monotonic()
         self._thread = threading.Thread(target=self._run, name="dispatcher", daemon=True)
@@ -121,6 +123,10 @@ class Dispatcher:
     def refused(self) -> list[Refused]:
         """The workers that ask for work and cannot be used."""
         return self.desk.refused()
+
+    def view(self) -> RegistryView:
+        """What is known beside the rows."""
+        return RegistryView(self.stalls.kinds(), self._advanced_unix_s, self.desk.vacancies())
 
     def _take_changes(self, rows: Sequence[RunRow]) -> None:
         with self._lock:
@@ -215,6 +221,9 @@ class Dispatcher:
 
     def _observe_stalls(self, now_s: float) -> None:
         self.stalls.read()
+        self._advanced_unix_s = {
+            run_id: observer.advanced_unix_s for run_id, observer in self._observers.items()
+        }
         # An owner whose token is gone may be frozen or cut off, and is spoken of as silent.
         owners = {observer.owner for observer in self._observers.values()}
         for worker in self.stalls.workers() - self.desk.alive() - owners:
