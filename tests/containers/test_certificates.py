@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 import pytest
-from chaos import RUN_TIMEOUT_S, facts
+from chaos import RUN_TIMEOUT_S, Progress, facts, longest_s
 from compose_project import SERVICES, Project
 
 WaitFor = Callable[..., None]
@@ -57,6 +57,8 @@ def test_renewed_in_time_they_are_used_and_no_episode_is_lost(
     assert project.api("GET", f"/runs/{run}")["state"] == "running"
     assert python(project, "edge", OBSTACLE) == ""  # who comes now is let in
     project.wait_finished(run, RUN_TIMEOUT_S)
+    pause_s = longest_s(Progress(project, run, "router").stored_unix_s())
+    print(f"PAUSE certificates renewed: {pause_s:.1f} s at the most")
     found = facts(project, run)
     assert (found["lost"], found["duplicated"]) == (0, 0)
     assert lines(project, "router", "INFO", "there are new certificates")

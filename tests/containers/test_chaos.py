@@ -152,3 +152,29 @@ def test_many_kills_in_random_order(project: Project, disturbed: Disturbed) -> N
     print(
         f"killed {dict(killed)}, then {project.api('GET', f'/runs/{run}')['iteration']} iterations done"
     )
+
+
+def test_a_learner_that_is_cut_off_is_replaced_by_an_idle_one(
+    project: Project, disturbed: Disturbed
+) -> None:
+    project.up("--scale", "learner=2")
+    try:
+        run, progress = disturbed("edge")
+        (holder,) = (c for c in project.containers("learner") if holds(c, run))
+        network = f"{project.name}_bus"
+        docker("network", "disconnect", network, holder)
+        began_unix_s, before = time.time(), len(progress.stored_unix_s())
+        first_unix_s = progress.wait_beyond(before, timeout_s=120.0)[before]
+        print(f"REPLACED learner cut off: {first_unix_s - began_unix_s:.1f} s after")
+        docker("network", "connect", "--alias", "learner", network, holder)
+        project.wait_finished(run, RUN_TIMEOUT_S)
+    finally:
+        project.up("--scale", "learner=1")
+
+
+def holds(container: str, run: str) -> bool:
+    """Whether a learner has the lock of a run."""
+    with contextlib.suppress(EngineError):
+        docker("exec", container, "sh", "-c", f"ls -l /proc/[0-9]*/fd | grep -q {run}/.lock")
+        return True
+    return False
