@@ -23,6 +23,7 @@ from bpn_shared.service import (
     set_up_logging,
     stop_on_signals,
 )
+from bpn_shared.version_option import add_version_option
 from bpn_shared.worker import (
     EXIT_FAILED,
     EXIT_FINISHED,
@@ -40,6 +41,7 @@ log = logging.getLogger(__name__)
 def argument_parser(kind: Role, description: str | None) -> argparse.ArgumentParser:
     """The options that every worker has."""
     parser = argparse.ArgumentParser(prog=f"bpn-{kind.replace('_', '-')}", description=description)
+    add_version_option(parser)
     parser.add_argument(
         "--run", type=UUID, help="id of the run (default: whichever the registry leases)"
     )
