@@ -2,11 +2,12 @@
 
     python -m tests.mutants.warm LIBRARY ...
 
-Each line that it reads is a JSON list: arguments of pytest, path of its output, seconds that it may take. Each that
-it writes is the exit status, or null if pytest did not end in time.
+Each line that it reads is a JSON list: arguments of pytest, path of its output, seconds that it may take. Each
+that it writes is the exit status, or null if pytest did not end in time.
 """
 
 import contextlib
+import gc
 import importlib
 import json
 import os
@@ -23,6 +24,7 @@ _POLL_S = 0.02
 def main() -> None:
     for name in sys.argv[1:]:
         importlib.import_module(name)
+    gc.freeze()  # or every fork would copy what it only looks through
     for line in sys.stdin:
         arguments, output, timeout_s = json.loads(line)
         print(json.dumps(_forked(arguments, output, timeout_s)), flush=True)
