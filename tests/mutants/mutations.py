@@ -141,6 +141,5 @@ def _speaks(node: ast.AST) -> bool:
 
 
 def _is_speech(node: ast.AST, field: str) -> bool:
-    return (
-        isinstance(node, ast.keyword) and node.arg in ("description", "help") and field == "value"
-    )
+    silent = ("description", "help", _CHECKING)
+    return isinstance(node, ast.keyword) and node.arg in silent and field == "value"

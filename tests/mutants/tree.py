@@ -19,10 +19,11 @@ _LEFT_OUT = shutil.ignore_patterns(".*", "node_modules", "__pycache__", "*.png",
 _LEFT_OUT_OF_ROOT = {"build", "runs"}
 _DEADLINE = re.compile(r"waited \d+ s for|Timeout|TimeoutExpired|timed out")
 LIBRARIES = (
-    "_hypothesis_pytestplugin", "_pytest.junitxml", "_pytest.pytester", "alembic.command", "anyio.pytest_plugin", "cv2",
-    "fastapi.testclient", "gymnasium", "httpx", "msgpack", "mujoco", "onnx", "onnxruntime", "prometheus_client", "psutil",
-    "pyarrow", "pydantic", "pytest_timeout", "requests", "rich.console", "safetensors.torch", "schemathesis.pytest.plugin",
-    "scipy.stats", "sqlalchemy.orm", "sqlalchemy.dialects.sqlite", "sympy", "torch", "uvicorn", "websockets", "zenoh",
+    "_hypothesis_pytestplugin", "_pytest.junitxml", "_pytest.pytester", "alembic.command",
+    "anyio.pytest_plugin", "cv2", "fastapi.testclient", "gymnasium", "httpx", "msgpack", "mujoco",
+    "onnx", "onnxruntime", "prometheus_client", "psutil", "pyarrow", "pydantic", "pytest_timeout",
+    "requests", "rich.console", "safetensors.torch", "schemathesis.pytest.plugin", "scipy.stats",
+    "sqlalchemy.orm", "sqlalchemy.dialects.sqlite", "sympy", "torch", "uvicorn", "websockets", "zenoh",
 )  # fmt: skip
 _PASSED, _FAILED, _COLLECTED_BADLY, _CRASHED = 0, 1, 2, 128
 

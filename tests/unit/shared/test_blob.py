@@ -122,6 +122,16 @@ def test_a_scale_that_is_no_positive_float32_is_refused(scale: float) -> None:
         replace(SMALL, scale=scale)
 
 
+@pytest.mark.parametrize("name", ["attempt", "version"])
+def test_provenance_is_an_unsigned_32_bit_number(name: str) -> None:
+    for value in (0, 2**32 - 1):
+        given = replace(SMALL, **{name: value})
+        assert getattr(WeightBlob.decode(given.encode()), name) == value
+    for value in (-1, 2**32):
+        with pytest.raises(BlobError, match=f"{name} = {value} is outside 0..4294967295"):
+            replace(SMALL, **{name: value})
+
+
 def test_parts_of_another_geometry_are_refused() -> None:
     with pytest.raises(BlobError, match="weights"):
         replace(SMALL, weights=SMALL.weights[:-1])
