@@ -48,7 +48,9 @@ def test_every_output_is_a_patch_times_a_row_of_signs(seed: int, data: st.DataOb
 def test_another_observation_is_refused_by_name(channels: int, dtype: type) -> None:
     blob = WeightBlob.random(SPEC, np.random.default_rng(0))
     name = np.dtype(dtype).name
-    with pytest.raises(ValueError, match=rf"observation is {name}\[{channels}, 84, 84\].*uint8\[2, "):
+    with pytest.raises(
+        ValueError, match=rf"observation is {name}\[{channels}, 84, 84\].*uint8\[2, "
+    ):
         golden.forward(blob, np.zeros((channels, 84, 84), dtype))
 
 
