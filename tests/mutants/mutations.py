@@ -133,7 +133,9 @@ def _is_docstring(node: ast.AST) -> bool:
 
 
 def _speaks(node: ast.AST) -> bool:
-    """Whether it is a log line, or the text of an error."""
+    """Whether it is a log line, when it is said, or the text of an error."""
+    if isinstance(node, ast.If) and not node.orelse:
+        return all(_speaks(statement) for statement in node.body)
     call = node.value if isinstance(node, ast.Expr) else node
     if not (isinstance(call, ast.Call) and isinstance(call.func, ast.Attribute)):
         return isinstance(call, ast.JoinedStr)

@@ -17,11 +17,12 @@ from tests.mutants.tree import Done, Tree
 EQUIVALENT = Path(__file__).with_name("equivalent.toml")
 MOST_OF_A_LINE = 2
 _PATIENCE = 3.0
-_GRACE_S = 30.0
+_GRACE_S = 60.0
+_GRACE_CPU_S = 5.0
 _AS_IT_IS_S = 900.0
 
 Verdict = Literal["killed", "hung", "survived"]
-"""hung: twice in a row something did not happen in time, which it does without the change."""
+"""hung: the tests did not end, or something did not happen in time, twice, which it does without the change."""
 
 
 def equivalent() -> dict[tuple[str, str, str], str]:
@@ -91,6 +92,7 @@ class _Suite:
         else:
             raise RuntimeError(f"tests of {module.file} do not pass as it is: {done}")
         self._timeout_s = _GRACE_S + _PATIENCE * (time.monotonic() - began_s)
+        self._cpu_s = _GRACE_CPU_S + _PATIENCE * done.cpu_s
         told: dict[str, Any] = json.loads(notes.read_text())
         self._notes = {test: _Note(**note) for test, note in told.items()}
         self._seconds: dict[str, float] = defaultdict(float)  # by file
@@ -103,7 +105,8 @@ class _Suite:
             return self._seconds[file], file, not note.runs(function), note.seconds
 
         self._order.write_text(json.dumps(sorted(self._notes, key=rank)))
-        return self._tree.pytest(self._tests, self._timeout_s, "--order", str(self._order))
+        order = ("--order", str(self._order))
+        return self._tree.pytest(self._tests, self._timeout_s, *order, cpu_s=self._cpu_s)
 
 
 def _file(test: str) -> str:

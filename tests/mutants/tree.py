@@ -25,17 +25,20 @@ LIBRARIES = (
     "requests", "rich.console", "safetensors.torch", "schemathesis.pytest.plugin", "scipy.stats",
     "sqlalchemy.orm", "sqlalchemy.dialects.sqlite", "sympy", "torch", "uvicorn", "websockets", "zenoh",
 )  # fmt: skip
-_PASSED, _FAILED, _COLLECTED_BADLY, _CRASHED = 0, 1, 2, 128
+_PASSED, _FAILED, _COLLECTED_BADLY = 0, 1, 2
+_UNBOUNDED_S = 1e6
 
-Outcome = Literal["passed", "failed", "deadline", "timeout"]
-"""deadline: a test failed since what it waited for did not happen in time; timeout: the tests did not end."""
+Outcome = Literal["passed", "failed", "deadline", "timeout", "endless"]
+"""deadline: a test failed since what it waited for did not happen in time; timeout: the tests did not end in time;
+endless: they took far more of the processor than they may."""
 
 
 class Done(NamedTuple):
-    """What became of a run of tests: its outcome, and the first test that failed."""
+    """What became of a run of tests: its outcome, the first test that failed, seconds of the processor."""
 
     outcome: Outcome
     by: str = ""
+    cpu_s: float = 0.0
 
 
 class Tree:
@@ -74,8 +77,13 @@ class Tree:
             path.write_text(original)
             _forget_bytecode(path)
 
-    def pytest(self, tests: Sequence[str], timeout_s: float, *options: str) -> Done:
+    def pytest(
+        self, tests: Sequence[str], timeout_s: float, *options: str, cpu_s: float = _UNBOUNDED_S
+    ) -> Done:
         """Runs these tests up to the first that fails.
+
+        Args:
+            cpu_s: of the processor that they may take, which does not depend on what else the machine does.
 
         Raises:
             RuntimeError: pytest itself fails.
@@ -83,13 +91,15 @@ class Tree:
         output = self.path / "pytest.txt"
         plugins = ["-p", "no:cacheprovider", "-p", "tests.mutants.pytest_order"]
         arguments = ["-x", "-q", "--tb=short", *plugins, *options, *tests]
-        status = self._run([arguments, str(output), timeout_s])
+        status, used_s = self._run([arguments, str(output), timeout_s, cpu_s])
         if status is None:
             return Done("timeout")
+        if status in (-signal.SIGXCPU, -signal.SIGKILL):
+            return Done("endless")
         if status == _PASSED:
-            return Done("passed")
+            return Done("passed", cpu_s=used_s)
         said = output.read_text()
-        if status not in (_FAILED, _COLLECTED_BADLY) and status < _CRASHED:
+        if status not in (_FAILED, _COLLECTED_BADLY) and status > 0:
             raise RuntimeError(said)
         failed = re.search(r"^(?:FAILED|ERROR) (\S+)(.*)", said, re.MULTILINE)
         by, reason = failed.groups() if failed else ("", said[-500:])
@@ -112,7 +122,7 @@ class Tree:
             process.wait()
         return process.returncode, output
 
-    def _run(self, request: list[object]) -> int | None:
+    def _run(self, request: list[object]) -> tuple[int | None, float]:
         if self._warm is None:
             self._warm = subprocess.Popen(
                 [sys.executable, "-m", "tests.mutants.warm", *self._libraries],
@@ -123,8 +133,8 @@ class Tree:
         assert self._warm.stdout is not None
         self._warm.stdin.write(json.dumps(request) + "\n")
         self._warm.stdin.flush()
-        status: int | None = json.loads(self._warm.stdout.readline())
-        return status
+        status, cpu_s = json.loads(self._warm.stdout.readline())
+        return status, cpu_s
 
     def _environment(self) -> dict[str, str]:
         # the same examples every time

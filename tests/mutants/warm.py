@@ -2,15 +2,18 @@
 
     python -m tests.mutants.warm LIBRARY ...
 
-Each line that it reads is a JSON list: arguments of pytest, path of its output, seconds that it may take. Each
-that it writes is the exit status, or null if pytest did not end in time.
+Each line that it reads is a JSON list: arguments of pytest, path of its output, seconds that it may take, and
+seconds of the processor that it may take. Each that it writes is the exit status (a signal is below 0; null: it did
+not end in time), and the seconds of the processor that it took.
 """
 
 import contextlib
 import gc
 import importlib
 import json
+import math
 import os
+import resource
 import signal
 import sys
 import time
@@ -26,14 +29,16 @@ def main() -> None:
         importlib.import_module(name)
     gc.freeze()  # or every fork would copy what it only looks through
     for line in sys.stdin:
-        arguments, output, timeout_s = json.loads(line)
-        print(json.dumps(_forked(arguments, output, timeout_s)), flush=True)
+        print(json.dumps(_forked(*json.loads(line))), flush=True)
 
 
-def _forked(arguments: Sequence[str], output: str, timeout_s: float) -> int | None:
+def _forked(
+    arguments: Sequence[str], output: str, timeout_s: float, cpu_s: float
+) -> tuple[int | None, float]:
     sys.stdout.flush()
     pid = os.fork()
     if pid == 0:
+        resource.setrlimit(resource.RLIMIT_CPU, (math.ceil(cpu_s), math.ceil(cpu_s) + 1))
         _run(arguments, output)
     try:
         return _waited(pid, time.monotonic() + timeout_s)
@@ -44,13 +49,13 @@ def _forked(arguments: Sequence[str], output: str, timeout_s: float) -> int | No
             os.waitpid(pid, 0)
 
 
-def _waited(pid: int, deadline_s: float) -> int | None:
+def _waited(pid: int, deadline_s: float) -> tuple[int | None, float]:
     while time.monotonic() < deadline_s:
-        done, status = os.waitpid(pid, os.WNOHANG)
+        done, status, used = os.wait4(pid, os.WNOHANG)
         if done:
-            return os.waitstatus_to_exitcode(status) & 0xFF  # a signal is above 128
+            return os.waitstatus_to_exitcode(status), used.ru_utime + used.ru_stime
         time.sleep(_POLL_S)
-    return None
+    return None, 0.0
 
 
 def _run(arguments: Sequence[str], output: str) -> None:
