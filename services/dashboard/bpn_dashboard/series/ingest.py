@@ -94,7 +94,9 @@ class Ingest:
             with self._database.writing() as session:
                 store.forget(session, run_id)
         except OperationalError as error:  # a full disk; it goes with the run's row
-            log.warning("the curves of run %s stay for now: %s", run_id, error.orig)
+            self._counters.fault(
+                "curves_not_removed", f"removing the curves of run {run_id}", error
+            )
 
     def _follow(self) -> None:
         while not self._stop.is_set():
