@@ -7,12 +7,12 @@ import numpy as np
 from learner_side import RUN
 
 from bpn.evaluation.host import EVALUATION, TrialHost
-from bpn_shared import keys
 from bpn_shared.bnn.blob import WeightBlob
+from bpn_shared.bus import keys
 from bpn_shared.bus.requests import request
 from bpn_shared.bus.session import Bus
-from bpn_shared.config import RunConfig
 from bpn_shared.messages.control import Assignment, NextEpisode
+from bpn_shared.spec.config import RunConfig
 
 CONFIG = RunConfig.for_task("reaching", nodes=16, steps=3)
 

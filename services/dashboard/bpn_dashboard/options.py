@@ -10,8 +10,8 @@ from bpn_dashboard.database.engine import sqlite_url
 from bpn_dashboard.registry.retention import Rule
 from bpn_shared.bus.certificates import client_tls
 from bpn_shared.bus.session import DEFAULT_ENDPOINT
-from bpn_shared.config import ConfigError
 from bpn_shared.runs.trash import KEPT_DAYS
+from bpn_shared.spec.config import ConfigError
 from bpn_shared.version_option import add_version_option
 
 DEFAULT_PORT = 8000

@@ -37,11 +37,12 @@ from bpn_dashboard.registry.query import (
     find_page,
     states_of_sweeps,
 )
-from bpn_dashboard.registry.states import OVER, is_busy
+from bpn_dashboard.registry.states import is_busy
 from bpn_dashboard.registry.sweeps import expand
-from bpn_shared.config import RunConfig
 from bpn_shared.runs.creation import Workplace
 from bpn_shared.runs.folder import RunFolder
+from bpn_shared.runs.state import OVER
+from bpn_shared.spec.config import RunConfig
 
 WhyNot = Callable[[], str | None]
 
