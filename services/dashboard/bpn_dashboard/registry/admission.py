@@ -2,8 +2,8 @@
 
 from bpn_dashboard.registry.leases import Place
 from bpn_dashboard.registry.states import OVER
-from bpn_shared.config import ConfigError
 from bpn_shared.runs.folder import RunFolder, RunState
+from bpn_shared.spec.config import ConfigError
 
 
 def recorded(folder: RunFolder) -> RunState | None:

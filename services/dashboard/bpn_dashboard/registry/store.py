@@ -31,9 +31,9 @@ from bpn_dashboard.registry.observations import Changes, Observations, apply
 from bpn_dashboard.registry.query import Cursor, Page, RunFilter, conditions, find_page
 from bpn_dashboard.registry.states import OVER, is_busy
 from bpn_dashboard.registry.sweeps import expand
-from bpn_shared.config import RunConfig
 from bpn_shared.runs.creation import Workplace
 from bpn_shared.runs.folder import RunFolder
+from bpn_shared.spec.config import RunConfig
 
 WhyNot = Callable[[], str | None]
 
