@@ -16,7 +16,7 @@ from bpn.evaluation.host import EVALUATION, TrialHost
 from bpn_edge import memory as edge_memory
 from bpn_edge import service as edge
 from bpn_edge.kernel.native import NativeKernel
-from bpn_robot import service as robot_sim
+from bpn_robot_sim import worker as robot_sim
 from bpn_shared.bnn import golden
 from bpn_shared.bnn.blob import BlobError, WeightBlob
 from bpn_shared.bus.session import Bus

@@ -9,7 +9,7 @@ import pytest
 from learner_side import RUN
 from loop_parts import Running
 
-from bpn_robot import service as robot_sim
+from bpn_robot_sim import worker as robot_sim
 from bpn_robot_sim.robots import make_robot
 from bpn_shared.bus import keys
 from bpn_shared.bus.latest import DirectSubscriber, LatestPublisher

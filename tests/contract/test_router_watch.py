@@ -114,7 +114,8 @@ FROZEN = """
 import sys, threading
 from bpn_shared.bus.router_watch import RouterLostError, RouterWatch
 from bpn_shared.bus.session import Bus
-from bpn_shared.runtime.service import Counters, Waiting
+from bpn_shared.counters import Counters
+from bpn_shared.waiting import Waiting
 
 stop = threading.Event()
 with Bus(sys.argv[1]) as bus, RouterWatch(bus, Waiting(), Counters(), period_s=0.1) as watch:
