@@ -26,7 +26,8 @@ from bpn_shared.bus.telemetry import TelemetryWatch
 from bpn_shared.counters import Counters
 from bpn_shared.errors import InputError
 from bpn_shared.messages.metrics import MetricsBatch
-from bpn_shared.runs.folder import RunFolder, RunOwnedError, State
+from bpn_shared.runs.folder import RunFolder, RunOwnedError
+from bpn_shared.runs.state import ENDED, State
 from bpn_shared.spec.config import ConfigError, RunConfig
 
 log = logging.getLogger(__name__)
@@ -163,7 +164,7 @@ def _wait_until_over(
             if stopped_s is not None or time.monotonic() - answered_s > _AWAY_S:
                 raise RunFailedError(f"{error}; the run goes on where it has workers") from error
             state = "running"
-        if state in ("finished", "failed", "stopped"):
+        if state in ENDED:
             return
         if stopped_s is None:
             stop.wait(_POLL_S)
