@@ -11,6 +11,7 @@ from bpn_shared.bus.certificates import own_certificates
 from bpn_shared.bus.obstacle import obstacle
 from bpn_shared.bus.renewal import CertificateWatch
 from bpn_shared.bus.session import Bus, BusError
+from bpn_shared.closing import Closing
 from bpn_shared.counters import Counters
 from bpn_shared.waiting import Waiting
 
@@ -57,7 +58,7 @@ class Outage:
         return lost_s
 
 
-class RouterWatch:
+class RouterWatch(Closing):
     """Looks once a second whether a session has its router, from a thread of its own.
 
     Args:
@@ -167,9 +168,3 @@ class RouterWatch:
         """Looks no more."""
         self._closed.set()
         self._thread.join()
-
-    def __enter__(self) -> "RouterWatch":
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
