@@ -5,7 +5,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.installed
 PIP_INSTALL := $(BIN)/python -W ignore -m pip install --disable-pip-version-check -q -c constraints.txt
-PACKAGES := shared services/edge services/learner services/robot services/robot_sim services/dashboard deploy/certificates bpn
+PACKAGES := shared services/edge services/learner services/robot services/robot_sim services/tasks services/dashboard deploy/certificates bpn
 SOURCES := $(PACKAGES:%=%/bpn*)
 
 .DEFAULT_GOAL := help
@@ -74,7 +74,7 @@ mutants: $(INSTALLED) ## how many faults the tests notice, sampled and aimed one
 lint: $(INSTALLED) check-claims ## ruff, mypy --strict, import-linter; prettier, svelte-check and vitest for the web UI; check-claims
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
-	$(BIN)/mypy -p bpn_shared -p bpn_edge -p bpn_learner -p bpn_robot -p bpn_robot_sim -p bpn_dashboard -p bpn_certificates -p bpn
+	$(BIN)/mypy -p bpn_shared -p bpn_edge -p bpn_learner -p bpn_robot -p bpn_robot_sim -p bpn_tasks -p bpn_dashboard -p bpn_certificates -p bpn
 	$(BIN)/mypy bench checks docs/dashboard/screenshots.py
 	$(BIN)/lint-imports --no-logo
 	$(BIN)/python services/dashboard/hatch_build.py types check test

@@ -1,18 +1,17 @@
 """Command-line options that are the run configuration's fields, so that neither can miss one."""
 
 import argparse
-import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal, get_args, get_origin
 
 from annotated_types import Ge, Gt, Le, Lt
 
-from bpn_shared.spec.config import PRESETS, RunConfig, preset_of
-from bpn_shared.spec.tasks import GYM_PREFIX, TASK_PATTERN, TASKS, is_gym
+from bpn_shared.spec.config import OPTIONS, RunConfig
+from bpn_shared.spec.installed import is_installed, offered, preset_of
+from bpn_shared.spec.tasks import GYM_PREFIX
 
 _RANGES = {Ge: "≥ {}", Gt: "> {}", Le: "≤ {}", Lt: "< {}"}
-_ANY_GYM = f"{GYM_PREFIX}ANY"
 
 
 def add_run_options(parser: argparse.ArgumentParser, arguments: Sequence[str]) -> None:
@@ -21,12 +20,13 @@ def add_run_options(parser: argparse.ArgumentParser, arguments: Sequence[str]) -
     Args:
         arguments: of the command; if they name a task, help shows the defaults that it will have.
     """
-    task = next((word for word in arguments if re.fullmatch(TASK_PATTERN, word)), None)
+    task = next((word for word in arguments if is_installed(word)), None)
     of_whom = f"of {task}" if task else "of each task: `bpn train TASK --help`"
     group = parser.add_argument_group(f"run configuration (defaults {of_whom})")
     defaults = defaults_of(task) if task else common_defaults()
-    for name, field in RunConfig.model_fields.items():
+    for name in OPTIONS:
         if name != "task":
+            field = RunConfig.model_fields[name]
             # of a yes-or-no, the option alone is a yes
             alone: dict[str, Any] = (
                 {"nargs": "?", "const": True} if field.annotation is bool else {}
@@ -42,14 +42,16 @@ def add_run_options(parser: argparse.ArgumentParser, arguments: Sequence[str]) -
 
 def defaults_of(task: str) -> dict[str, Any]:
     """What a run of the task gets where nothing is given; |A| of a Gymnasium environment may not be known (0)."""
-    unknown = is_gym(task) and not preset_of(task).get("actions")
+    unknown = not preset_of(task).get("actions")
     config = RunConfig.for_task(task, **{"actions": 2} if unknown else {})
-    return dict(config) | ({"actions": 0} if unknown else {})
+    values = {name: getattr(config, name) for name in OPTIONS}
+    return values | ({"actions": 0} if unknown else {})
 
 
 def common_defaults() -> dict[str, Any]:
-    """The defaults in which all tasks agree."""
-    first, *others = (defaults_of(task) for task in {**TASKS, **PRESETS, _ANY_GYM: None})
+    """The defaults in which all installed tasks agree."""
+    names = [f"{name}ANY" if name == GYM_PREFIX else name for name in offered().presets]
+    first, *others = [defaults_of(name) for name in names if not name.endswith(":")] or [{}]
     return {
         name: value
         for name, value in first.items()
@@ -67,7 +69,7 @@ def given_run_options(options: argparse.Namespace) -> dict[str, Any]:
     """The fields that the command line names, but the task."""
     return {
         name: value
-        for name in RunConfig.model_fields
+        for name in OPTIONS
         if name != "task" and (value := getattr(options, name, None)) is not None
     }
 

@@ -4,9 +4,11 @@ import logging
 from importlib.util import find_spec
 
 from bpn.terminal import stdout_for_results
+from bpn_shared.errors import InputError
 from bpn_shared.messages.probe import ProbeReply, ProbeRequest
 from bpn_shared.spec.config import ConfigError, RunConfig
-from bpn_shared.spec.tasks import is_gym
+from bpn_shared.spec.rewards import reward_function
+from bpn_shared.spec.tasks import TaskSpec, is_gym
 
 log = logging.getLogger(__name__)
 
@@ -37,27 +39,33 @@ class ThisMachine:
         from bpn_edge.kernel import load  # noqa: PLC0415 - it takes a second to load
 
         load(config.kernel)
-        if not is_gym(config.task):
-            check_rendering(config.task)
+        if not is_gym(config.task):  # which was probed, or takes a while to make
+            check_robot(config.task_spec)
 
 
-def check_rendering(task: str) -> None:
-    """Makes a robot of the task and renders it once.
+def check_robot(task: TaskSpec) -> None:
+    """Makes a robot of the task, as its worker will.
 
     Raises:
-        ConfigError: it cannot be rendered here; the message says what to install or to set.
+        ConfigError: it cannot be made here; the message says what to install or to set.
     """
+    from bpn_robot.robots import make_robot  # noqa: PLC0415 - robots take a second to load
+
     try:
         # An OpenGL back end that is named but not there fails already here.
-        from bpn_robot_sim.robots import make_robot  # noqa: PLC0415
-
         with stdout_for_results():
             make_robot(task).close()
-    except (ImportError, RuntimeError, OSError) as error:
-        raise ConfigError(f"task {task!r} cannot be simulated here: {error}") from error
+    except ConfigError:
+        raise
+    except (InputError, ImportError, RuntimeError, OSError) as error:
+        raise ConfigError(f"task {task.name!r} cannot be played here: {error}") from error
 
 
 def _check_learner(config: RunConfig) -> None:
+    try:
+        reward_function(config.task_spec)
+    except InputError as error:
+        raise ConfigError(f"task {config.task!r} cannot be learned here: {error}") from error
     if config.tensorboard and find_spec("tensorboard") is None:
         raise ConfigError(
             "tensorboard = True needs tensorboard, which is not installed: "

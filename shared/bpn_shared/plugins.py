@@ -33,6 +33,9 @@ ROBOTS = Group("bpn.robots", "robot")
 REWARDS = Group("bpn.rewards", "rewards")
 """Functions that compute rewards from frames; for whoever learns from them or judges them."""
 
+PLOTS = Group("bpn.plots", "plot")
+"""How episodes of a task are drawn; for `bpn eval --plot`."""
+
 
 class PluginError(InputError):
     """A plug-in is missing, doubtful or broken; the message names it, its distribution and the remedy."""

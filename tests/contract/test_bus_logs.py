@@ -14,7 +14,7 @@ from bpn_shared.runtime.worker import service_names
 from bpn_shared.spec.config import RunConfig
 
 RUN = UUID(int=1)
-SERVICES = service_names(RunConfig())
+SERVICES = service_names(RunConfig.bare("reaching"))
 
 
 def test_what_a_leased_worker_logs_reaches_the_run_folder(

@@ -158,12 +158,12 @@ def test_the_last_frame_is_sent_until_another_episode_begins(
 def test_a_camera_that_shows_nothing_is_refused_at_the_start(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
+    from bpn_robot.robots import make_robot
     from bpn_robot_sim.reaching.robot import ReachingRobot
     from bpn_robot_sim.rendering import RenderingError
-    from bpn_robot_sim.robots import robot_for
 
-    robot_for(LOCKSTEP.task_spec).close()
+    make_robot(LOCKSTEP.task_spec).close()
     black: Any = np.zeros((1, 84, 84), np.uint8)
     monkeypatch.setattr(ReachingRobot, "frame", lambda _: black)
     with pytest.raises(RenderingError, match="its pictures have one colour only"):
-        robot_for(LOCKSTEP.task_spec)
+        make_robot(LOCKSTEP.task_spec)

@@ -154,7 +154,9 @@ def test_a_request_that_does_not_come_to_its_end_is_ended(tmp_path, wait_for) ->
 
 
 def test_a_client_that_takes_its_time_within_the_deadline_is_served(tmp_path, wait_for) -> None:
-    RunFolder.create(tmp_path / "runs", "01a201f9-821b-74c6-95eb-3f4ab1331c4c", RunConfig())
+    RunFolder.create(
+        tmp_path / "runs", "01a201f9-821b-74c6-95eb-3f4ab1331c4c", RunConfig.bare("reaching")
+    )
     with (
         few_descriptors(tmp_path / "runs", tmp_path / "log", wait_for) as (_, client),
         contextlib.ExitStack() as stack,

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import orjson
 import torch
+from paper import TASKS
 from pydantic import ValidationError
 
 from bpn_dashboard.hub.protocol import ProtocolError, parse_client_message
@@ -57,10 +58,9 @@ from bpn_shared.runs.lines import read_line
 from bpn_shared.runs.state import RunState, decode_state, encode_state
 from bpn_shared.spec.config import ConfigError, RunConfig
 from bpn_shared.spec.network import NetworkSpec
-from bpn_shared.spec.tasks import task_named
 
 RUN = "0198c0de-0000-7000-8000-000000000001"
-TASK = task_named("reaching")
+TASK = TASKS["reaching"]
 SPEC = NetworkSpec(1, 8, 4)
 
 

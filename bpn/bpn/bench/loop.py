@@ -34,7 +34,7 @@ from bpn_shared.errors import InputError
 from bpn_shared.messages.action import Action
 from bpn_shared.messages.frame import FrameHeader, FrameKind
 from bpn_shared.spec.config import RunConfig
-from bpn_shared.spec.tasks import TASKS
+from bpn_tasks.specs import CONTROL_PERIOD_S
 
 TASK = "reaching"
 YARDSTICKS = ("tcp_us", "request_us", "echo_us", "echo_after_render_us")
@@ -63,7 +63,7 @@ class Pace:
 
 PACES = {
     "hot": Pace("lockstep", 0.0, rounds=5, iterations=3, episodes=40, echoes=500),
-    "own": Pace("realtime", TASKS[TASK].control_period_s, rounds=3, iterations=1, episodes=10, echoes=100),
+    "own": Pace("realtime", CONTROL_PERIOD_S, rounds=3, iterations=1, episodes=10, echoes=100),
 }  # fmt: skip
 """`own` takes about five minutes, nearly all of it asleep."""
 

@@ -23,6 +23,7 @@ from bpn_shared.errors import InputError
 from bpn_shared.runs.folder import RunFolder
 from bpn_shared.runtime.service import stop_on_signals
 from bpn_shared.spec.config import Kernel, Pacing, RunConfig
+from bpn_shared.spec.tasks import TaskSpec
 
 _FILMS, _PLOTS = (".mp4", ".gif"), (".png", ".svg", ".pdf")
 
@@ -64,7 +65,7 @@ def run(options: argparse.Namespace) -> int:
     folder = RunFolder.open(options.runs_dir, options.run_id)
     trials = _trials(options, folder.config())
     config, weights = trials.config(folder.config()), _weights(folder, options.version)
-    video, plot = _media(options, config.task)
+    video, plot = _media(options, config.task_spec)
     ThisMachine().check_playing(config)
     stop = stop_on_signals()
     with bar("trials", trials.count) as on_progress:
@@ -97,7 +98,7 @@ def run(options: argparse.Namespace) -> int:
             video.write(options.video, episodes, config.task_spec, bars=bars)
     if plot is not None:
         with _writing("--plot", options.plot):
-            plot.write(options.plot, config.task, episodes)
+            plot.write(options.plot, config.task_spec, episodes)
     return 0
 
 
@@ -133,7 +134,7 @@ def _weights(folder: RunFolder, version: int | None) -> Weights:
     return decode_weights(path.read_bytes())
 
 
-def _media(options: argparse.Namespace, task: str) -> tuple[Any, Any]:
+def _media(options: argparse.Namespace, task: TaskSpec) -> tuple[Any, Any]:
     """The modules that write what is asked for: what cannot be written is said before the trials, not after."""
     video = plot = None
     if options.video is not None:
@@ -142,5 +143,5 @@ def _media(options: argparse.Namespace, task: str) -> tuple[Any, Any]:
     if options.plot is not None:
         check_output("--plot", options.plot, _PLOTS)
         plot = optional.load("bpn.evaluation.plot", extra="media", wanted_by="--plot")
-        plot.check_task(task)
+        plot.plot_of(task)
     return video, plot

@@ -18,7 +18,7 @@ from bpn.options import add_run_options, add_runs_dir, given_run_options
 from bpn.terminal import command
 from bpn_shared.errors import InputError
 from bpn_shared.runs.creation import request_values
-from bpn_shared.spec.tasks import TASK_NAMES
+from bpn_shared.spec.installed import task_names
 
 Action = Callable[[argparse.Namespace, Any], int | None]
 """Takes the options, and the dashboard; where none is needed, `FolderRuns` if there is none."""
@@ -38,7 +38,7 @@ def add_options(parser: argparse.ArgumentParser, arguments: Sequence[str]) -> No
 
     _with_run(_action(actions, "show", _show, "what is known of a run"))
     start = _action(actions, "start", _start, "put a new run into the queue", alone=False)
-    start.add_argument("task", metavar="TASK", help=f"one of: {TASK_NAMES}")
+    start.add_argument("task", metavar="TASK", help=f"one of: {task_names()}")
     start.add_argument("--name", default="", help="to find it again")
     start.add_argument("--tag", action="append", default=[], help="may be repeated")
     add_run_options(start, arguments)

@@ -24,14 +24,14 @@ from bpn_shared.errors import InputError
 from bpn_shared.runs.creation import configure, request_values
 from bpn_shared.runs.folder import RunFolder
 from bpn_shared.runtime.service import stop_on_signals
-from bpn_shared.spec.tasks import TASK_NAMES
+from bpn_shared.spec.installed import task_names
 
 _NOTICED_S = 8.0
 _AGAIN_S = 0.5
 
 
 def add_options(parser: argparse.ArgumentParser, arguments: Sequence[str]) -> None:
-    parser.add_argument("task", nargs="?", metavar="TASK", help=f"one of: {TASK_NAMES}")
+    parser.add_argument("task", nargs="?", metavar="TASK", help=f"one of: {task_names()}")
     parser.add_argument("--resume", metavar="RUN", help="go on with this run (id or its end)")
     parser.add_argument("--json", action="store_true", help="print one final JSON object only")
     add_runs_dir(parser)
@@ -80,7 +80,7 @@ def folder_of(options: argparse.Namespace, dashboard: Dashboard | None) -> RunFo
     """
     if options.resume is None:
         if options.task is None:
-            raise InputError(f"TASK is missing; one of: {TASK_NAMES}, or --resume RUN")
+            raise InputError(f"TASK is missing; one of: {task_names()}, or --resume RUN")
         values = {"task": options.task, **given_run_options(options)}
         if dashboard is None:
             config = configure(values, ThisMachine())

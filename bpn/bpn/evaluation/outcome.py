@@ -73,7 +73,7 @@ def summarize(
         raise ValueError("no outcomes: nothing was played")
     steps = np.array([one.steps for one in outcomes])
     returns = np.array([one.total for one in outcomes])
-    in_pixels = config.task_spec.rewards == "pixels"
+    in_pixels = config.task_spec.reward_unit == "px"
     unit = "_px" if in_pixels else ""
     mean_steps = float(steps.mean())
     succeeded = share(one.success for one in outcomes)

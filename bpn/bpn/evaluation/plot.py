@@ -1,6 +1,7 @@
 """The trajectories of trials, as the paper's figure of the real robot shows them."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 from matplotlib.axes import Axes
@@ -13,29 +14,47 @@ from bpn.evaluation.trajectories import (
     target_offsets_px,
 )
 from bpn.plotting import BEST, REFERENCE, colour, new_figure, save
-from bpn_learner.reward import reaching_path_px
+from bpn_shared import plugins
 from bpn_shared.errors import InputError
 from bpn_shared.messages.episode import Episode
-from bpn_shared.spec.framing import MIDDLE_PX
 from bpn_shared.spec.network import IMAGE_SIZE_PX
+from bpn_shared.spec.tasks import TaskSpec
+from bpn_tasks.framing import MIDDLE_PX
+from bpn_tasks.rewards import reaching_path_px
 
 MOST_TRIALS = 10
 """More would hide each other; the first are drawn."""
 
 
-def check_task(task: str) -> None:
-    """Refuses a task whose trajectories nobody knows how to draw.
+@dataclass(frozen=True, slots=True)
+class Plot:
+    """How trials of a task are drawn; a plug-in of the group bpn.plots.
+
+    Attributes:
+        size_in: of the figure, width and height.
+        draw: the first trials, into its axes.
+    """
+
+    size_in: tuple[float, float]
+    draw: Callable[[Axes, Sequence[Episode]], None]
+
+
+def plot_of(task: TaskSpec) -> Plot:
+    """How the task's trajectories are drawn.
 
     Raises:
-        InputError: it is one.
+        InputError: nobody knows how, or what does is not installed here.
     """
-    if task not in _DRAWINGS:
-        raise InputError(
-            f"--plot: no trajectories are known of task {task!r}, only of {', '.join(_DRAWINGS)}; leave it out"
-        )
+    if task.plot is None:
+        raise InputError(f"--plot: no trajectories are known of task {task.name!r}; leave it out")
+    plugin = plugins.find(plugins.PLOTS, task.plot)
+    found = plugin.load()
+    if not isinstance(found, Plot):
+        raise plugin.broken(f"it is {type(found).__name__}, no Plot")
+    return found
 
 
-def write(path: Path, task: str, episodes: Sequence[Episode]) -> None:
+def write(path: Path, task: TaskSpec, episodes: Sequence[Episode]) -> None:
     """Draws the trials into a file.
 
     Raises:
@@ -44,16 +63,15 @@ def write(path: Path, task: str, episodes: Sequence[Episode]) -> None:
     save(draw(task, episodes), path)
 
 
-def draw(task: str, episodes: Sequence[Episode]) -> Figure:
+def draw(task: TaskSpec, episodes: Sequence[Episode]) -> Figure:
     """The trials' trajectories.
 
     Raises:
         InputError: the task has none that could be drawn.
     """
-    check_task(task)
-    (width_in, height_in), drawing = _DRAWINGS[task]
-    figure, ((axes,),) = new_figure(1, 1, width_in, height_in)
-    drawing(axes, episodes[:MOST_TRIALS])
+    plot = plot_of(task)
+    figure, ((axes,),) = new_figure(1, 1, *plot.size_in)
+    plot.draw(axes, episodes[:MOST_TRIALS])
     return figure
 
 
@@ -107,9 +125,6 @@ def figure_eight(axes: Axes, episodes: Sequence[Episode]) -> None:
     axes.legend(fontsize=8)
 
 
-_DRAWINGS: dict[str, tuple[tuple[float, float], Callable[[Axes, Sequence[Episode]], None]]] = {
-    "reaching": ((5.0, 5.0), hand_path),
-    "tracking": ((7.0, 4.0), target_offset),
-    "pan_tilt": ((6.5, 4.5), figure_eight),
-}
-"""Of each task: the figure's size in inches, and what draws into it."""
+HAND_PATH = Plot((5.0, 5.0), hand_path)
+TARGET_OFFSET = Plot((7.0, 4.0), target_offset)
+FIGURE_EIGHT = Plot((6.5, 4.5), figure_eight)

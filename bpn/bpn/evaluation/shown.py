@@ -8,7 +8,7 @@ from bpn_shared.spec.config import RunConfig
 def shown(result: dict[str, Any], config: RunConfig) -> list[str]:
     """What `bpn eval` prints of the result that its `--json` has."""
     task = config.task_spec
-    per_step = result["px_per_step" if task.rewards == "pixels" else "return_per_step"]["mean"]
+    per_step = result["px_per_step" if task.reward_unit == "px" else "return_per_step"]["mean"]
     tracked, time = result.get("tracking_time"), ""
     if tracked is not None:
         time = f" = {tracked['seconds']:.1f} s ({tracked['percent']:.0f} %)"

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from bpn_shared.messages.episode import Episode
-from bpn_shared.spec.tasks import Task
+from bpn_shared.spec.tasks import TaskSpec
 
 Picture = npt.NDArray[np.uint8]
 
@@ -18,7 +18,7 @@ _BARS_WIDTH_PX, _GAP_PX = 128, 16
 _BACKGROUND, _BAR, _CHOSEN = (24, 24, 28), (120, 130, 145), (230, 159, 0)
 
 
-def write(path: Path, episodes: Sequence[Episode], task: Task, *, bars: bool = True) -> None:
+def write(path: Path, episodes: Sequence[Episode], task: TaskSpec, *, bars: bool = True) -> None:
     """Writes the episodes one after the other, at the robot's speed.
 
     Args:

@@ -11,13 +11,14 @@ from typing import Any
 from bpn.local_run import new_run
 from bpn_shared.runs.files import write_atomically
 from bpn_shared.runs.folder import RunFolder
-from bpn_shared.spec.config import ConfigError, RunConfig
+from bpn_shared.spec.config import OPTIONS, ConfigError, RunConfig
 
 
 def config_hash(config: RunConfig) -> str:
     """Names a configuration by what it changes of its task's bare one, so that a new field changes no name."""
-    bare = dict(RunConfig(task=config.task, actions=config.actions))
-    changes = {name: value for name, value in config if value != bare[name]}
+    bare = RunConfig.bare(config.task, actions=config.actions)
+    values = {name: getattr(config, name) for name in OPTIONS}
+    changes = {name: value for name, value in values.items() if value != getattr(bare, name)}
     return digest(changes | {"task": config.task, "actions": config.actions})
 
 

@@ -1,9 +1,15 @@
-"""Rewards from pixels, in numpy: minus a distance in pixels between what the frames show (docs/tasks)."""
+"""Rewards from pixels, in numpy: minus a distance in pixels between what the frames show (docs/tasks).
+
+They are computed here a second time for the paper's tasks. Other tasks' are computed by the plug-in that the
+learner has them from, which shows that it recorded and used what that computes.
+"""
 
 import numpy as np
 import numpy.typing as npt
 
-from bpn_shared.spec.markers import HAND_LEVEL, PAN_TILT_MARKER, TARGET_LEVEL, TRACKING_TARGET, Disc
+from bpn_shared.spec.rewards import RewardError, reward_function
+from bpn_shared.spec.tasks import TaskSpec
+from bpn_tasks.markers import HAND_LEVEL, PAN_TILT_MARKER, TARGET_LEVEL, TRACKING_TARGET, Disc
 
 Frames = npt.NDArray[np.uint8]
 Mask = npt.NDArray[np.bool_]
@@ -11,6 +17,7 @@ Point = npt.NDArray[np.float64]
 
 _LAST_PX = 83.0
 _MIDDLE_PX = _LAST_PX / 2
+_REACHING = "reaching"
 _DISCS = {"tracking": TRACKING_TARGET, "pan_tilt": PAN_TILT_MARKER}
 
 
@@ -18,18 +25,36 @@ class PixelError(ValueError):
     """A frame does not show what the reward is computed from."""
 
 
-def rewards_px(task: str, frames: Frames) -> npt.NDArray[np.float64]:
+def rewards_of(task: TaskSpec, frames: Frames) -> npt.NDArray[np.float64]:
+    """r_1..r_T of an episode of the task; `frames` as of `rewards_px`.
+
+    Raises:
+        PixelError: a marker is missing.
+        PluginError: what computes them is not installed here.
+    """
+    if task.rewards in (_REACHING, *_DISCS):
+        return rewards_px(task.rewards, frames)
+    function = reward_function(task)
+    if function is None:
+        raise ValueError(f"task {task.name!r} has no rewards from pixels")
+    try:
+        return function(frames, task)
+    except RewardError as error:
+        raise PixelError(str(error)) from error
+
+
+def rewards_px(name: str, frames: Frames) -> npt.NDArray[np.float64]:
     """r_1..r_T of an episode's frames uint8[T+1, c, 84, 84]; the reward of step t is what frame t+1 shows.
 
     Raises:
         PixelError: a marker is missing.
     """
-    if task == "reaching":
+    if name == _REACHING:
         target = _centroid(frames[0, 0] == TARGET_LEVEL, 0)
         hands = [_centroid(frame[0] == HAND_LEVEL, t) for t, frame in enumerate(frames)]
         offsets = np.array(hands[1:]) - target
     else:
-        offsets = np.clip(_path(frames, _DISCS[task])[1:], 0, _LAST_PX) - _MIDDLE_PX
+        offsets = np.clip(_path(frames, _DISCS[name])[1:], 0, _LAST_PX) - _MIDDLE_PX
     return -np.hypot(offsets[:, 0], offsets[:, 1])
 
 

@@ -49,9 +49,9 @@ class Recording:
         Raises:
             PixelError: a frame shows no marker.
         """
-        if self.config.task_spec.rewards == "robot":
+        if self.config.task_spec.told_rewards:
             return self.episode.rewards.copy()
-        return pixels.rewards_px(self.config.task, self.episode.frames)
+        return pixels.rewards_of(self.config.task_spec, self.episode.frames)
 
     def choice(self, step: int, uniform: float) -> set[int]:
         """What the run's policy does on the outputs that the edge recorded."""
@@ -111,7 +111,7 @@ def check_meta(recording: Recording, findings: Findings) -> None:
     seed = draws.episode_seed(config.seed, *place)
     findings.compare("seeds", f"{where}, seed", meta.seed, seed)
     findings.compare("seeds", f"{where}, weights version", meta.weights_version, place[0])
-    may_be_short = recording.terminal or config.task_spec.rewards == "robot"
+    may_be_short = recording.terminal or config.task_spec.told_rewards
     if not (may_be_short and recording.episode.steps < config.steps):
         findings.compare("seeds", f"{where}, steps", recording.episode.steps, config.steps)
 

@@ -8,7 +8,6 @@ from bpn.verify.findings import Findings
 from bpn.verify.recorded import epsilon
 from bpn.verify.targets import Played
 from bpn_shared.spec.config import RunConfig
-from bpn_shared.spec.markers import REACHING_TARGET_RADIUS_PX
 
 REWARD_TOLERANCE_PX = 6e-4
 """rewards.jsonl has three decimals."""
@@ -52,10 +51,11 @@ def check_metrics(
 def _successes(config: RunConfig, data: list[Played]) -> int | None:
     """Episodes that did what the task is about, where their pixels tell; else None."""
     match config.task_spec.success:
-        case "kept":
+        case "not_terminated":
             return sum(not episode.terminal for episode in data)
-        case "reached":
-            return sum(float(e.rewards[-1]) >= -REACHING_TARGET_RADIUS_PX for e in data)
+        case "last_reward":
+            least = config.task_spec.success_reward
+            return sum(least is not None and float(e.rewards[-1]) >= least for e in data)
     return None
 
 

@@ -261,7 +261,7 @@ class Verification:
 def what_is_trusted(config: RunConfig) -> list[str]:
     """What a run folder alone cannot show."""
     trusted = ["the frames, that each is what the camera saw after the action before it"]
-    if config.task_spec.rewards == "robot":
+    if config.task_spec.told_rewards:
         trusted.append("the rewards, which the robot tells")
     trusted.append("whether an episode's end was the task's, and times")
     return trusted

@@ -193,7 +193,7 @@ class _Game:
             sentence = f"tells of action {applied}, the task has 0..{self._task.actions - 1}"
         elif self._lockstep and answer is not None and applied != answer.action:
             sentence = f"tells of action {applied}, it was given {answer.action}"
-        elif self._task.rewards == "robot" and not isfinite(header.reward):
+        elif self._task.told_rewards and not isfinite(header.reward):
             sentence = f"tells of a reward of {header.reward}"
         return sentence
 

@@ -8,13 +8,13 @@ from bpn_shared.messages.control import Assignment
 from bpn_shared.messages.episode import Episode, EpisodeMeta
 from bpn_shared.messages.frame import FrameHeader, FrameKind
 from bpn_shared.spec.observation import stack
-from bpn_shared.spec.tasks import Task
+from bpn_shared.spec.tasks import TaskSpec
 
 
 class EpisodeRecorder:
     """Frames, actions as applied, and network outputs of one episode, in step order."""
 
-    def __init__(self, task: Task) -> None:
+    def __init__(self, task: TaskSpec) -> None:
         self._task = task
         self._headers: list[FrameHeader] = []
         self._frames: list[npt.NDArray[np.uint8]] = []

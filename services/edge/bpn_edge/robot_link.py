@@ -13,7 +13,7 @@ from bpn_shared.messages.base import MessageError
 from bpn_shared.messages.control import Reset, ResetReply
 from bpn_shared.messages.frame import FrameHeader, decode_frame
 from bpn_shared.runtime.worker import Worker
-from bpn_shared.spec.tasks import Task
+from bpn_shared.spec.tasks import TaskSpec
 
 _RESET_TIMEOUT_S = 1.0
 
@@ -24,7 +24,7 @@ OnFrame = Callable[[FrameHeader, npt.NDArray[np.uint8], int], None]
 class RobotLink:
     """Frames in, actions out, for the robot of this worker's slot."""
 
-    def __init__(self, worker: Worker, task: Task) -> None:
+    def __init__(self, worker: Worker, task: TaskSpec) -> None:
         self._worker = worker
         self._task = task
         self._on_frame: OnFrame | None = None

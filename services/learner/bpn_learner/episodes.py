@@ -6,11 +6,13 @@ from pathlib import Path
 
 import numpy as np
 
-from bpn_learner.reward import RewardError, Rewards, episode_rewards
+from bpn_learner.reward import episode_rewards
+from bpn_shared.errors import InputError
 from bpn_shared.messages.base import MessageError, OtherVersionError
 from bpn_shared.messages.episode import Episode
 from bpn_shared.runs.ownership import Ownership
 from bpn_shared.spec.config import RunConfig
+from bpn_shared.spec.rewards import Rewards
 from bpn_shared.spec.seeds import episode_seed
 
 log = logging.getLogger(__name__)
@@ -49,7 +51,7 @@ def score(episode: Episode, config: RunConfig, *, kept: bool = False) -> Scored:
         raise EpisodeError(reason)
     try:
         rewards = episode_rewards(config.task_spec, episode)
-    except RewardError as error:
+    except InputError as error:  # no marker to be seen, or what computes rewards is broken
         raise EpisodeError(str(error)) from error
     odd = np.flatnonzero(~np.isfinite(rewards))
     if len(odd):
@@ -72,7 +74,7 @@ def why_invalid(episode: Episode, config: RunConfig) -> str | None:
     if episode.outputs.dtype.name != outputs:
         return f"outputs are {episode.outputs.dtype.name}, {config.algorithm} has {outputs}"
     # an environment that tells rewards may end an episode for reasons of its own
-    may_be_short = meta.terminated or config.task_spec.rewards == "robot"
+    may_be_short = meta.terminated or config.task_spec.told_rewards
     if episode.steps > config.steps or (episode.steps < config.steps and not may_be_short):
         return f"{episode.steps} steps, an episode of this run has {config.steps}"
     return None

@@ -13,6 +13,7 @@ from bpn_learner.ledger import EpisodeLedger
 from bpn_learner.member import serve_member
 from bpn_learner.refusals import EpisodeImpossibleError
 from bpn_learner.rendezvous import Rendezvous
+from bpn_learner.reward import function_of
 from bpn_learner.storage import StorageError, StorageStopped, insist
 from bpn_learner.training import Training
 from bpn_learner.update import DivergenceError
@@ -25,6 +26,7 @@ from bpn_shared.bus.requests import RefusedError, Responder
 from bpn_shared.bus.router_watch import GIVE_UP_AFTER_S
 from bpn_shared.bus.weights import WeightsPublisher
 from bpn_shared.messages.control import Fault, NextEpisode
+from bpn_shared.plugins import PluginError
 from bpn_shared.runs.folder import RunFolder, State
 from bpn_shared.runs.ownership import Ownership
 from bpn_shared.runtime.entry import argument_parser, run_worker
@@ -46,6 +48,7 @@ _HOPELESS = (
     DivergenceError,
     EpisodeImpossibleError,
     GroupLostError,
+    PluginError,
     StorageError,
 )
 
@@ -94,6 +97,7 @@ def _collected_logs(worker: Worker, folder: RunFolder) -> contextlib.AbstractCon
 
 def _train(worker: Worker, owner: Ownership) -> None:
     config = owner.folder.config()
+    function_of(config.task_spec)  # what is not installed here is said before anybody plays
     program = " ".join(f"{name} {value}" for name, value in written_by().items() if value)
     log.info("attempt %d: %s, %s (%s)", owner.attempt, config.algorithm, config.task, program)
     alive = Alive(worker.bus, "edge")

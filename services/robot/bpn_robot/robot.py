@@ -3,7 +3,7 @@
 from typing import Protocol
 
 from bpn_robot.frame import Frame
-from bpn_shared.spec.tasks import Task
+from bpn_shared.spec.tasks import TaskSpec
 
 Info = dict[str, tuple[float, float]]
 
@@ -23,7 +23,7 @@ class Robot(Protocol):
     """
 
     @property
-    def task(self) -> Task: ...
+    def task(self) -> TaskSpec: ...
 
     @property
     def terminated(self) -> bool:
@@ -66,7 +66,7 @@ class Robot(Protocol):
         """Frees the camera's OpenGL context."""
 
 
-def check_action(task: Task, action: int) -> int:
+def check_action(task: TaskSpec, action: int) -> int:
     """The action as an int.
 
     Raises:

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 
 from bpn_robot.frame import is_flat
 from bpn_robot.robot import Robot, RobotFault
+from bpn_robot.robots import make_robot
 from bpn_shared.bus import keys
 from bpn_shared.bus.latest import LatestPublisher, LatestSubscriber, Sample
 from bpn_shared.bus.requests import Responder
@@ -26,7 +27,6 @@ from bpn_shared.messages.preview import PreviewHeader
 from bpn_shared.runtime.faults import FaultReporter
 from bpn_shared.runtime.worker import EXIT_FINISHED, Worker
 from bpn_shared.spec.config import RunConfig
-from bpn_shared.spec.tasks import Task
 
 log = logging.getLogger(__name__)
 
@@ -169,7 +169,7 @@ class RobotService:
             frame = robot.frame()
             pixels, blind = frame.tobytes(), blind and is_flat(frame)
             self._seen.append(pixels)
-            if self._task.rewards == "robot":
+            if self._task.told_rewards:
                 reward = robot.reward()
             step += 1
             kind = FrameKind.MID
@@ -275,8 +275,12 @@ def _preview(item: tuple[FrameHeader, tuple[bytes, ...]]) -> tuple[bytes, bytes]
     return b"".join(frames), preview.encode()
 
 
-def serve(worker: Worker, config: RunConfig, make_robot: Callable[[Task], Robot]) -> int:
-    """Makes the robot of the run's task, and plays it until the worker is stopped."""
+def serve(worker: Worker, config: RunConfig) -> int:
+    """Makes the robot of the run's task, and plays it until the worker is stopped.
+
+    Raises:
+        PluginError: the robot is not installed here.
+    """
     robot = make_robot(config.task_spec)
     service = RobotService(worker, config, robot)
     try:

@@ -5,16 +5,25 @@ Importing this package registers the environments with Gymnasium; it loads neith
 
 import gymnasium
 
-from bpn_shared.spec.config import RunConfig
-from bpn_shared.spec.tasks import TASKS
+from bpn_tasks import specs
 
-EPISODE_STEPS = {name: RunConfig.for_task(name).steps for name in TASKS}
+ENVIRONMENTS = {
+    "reaching": "bpn/Reaching-v0",
+    "tracking": "bpn/Tracking-v0",
+    "pan_tilt": "bpn/PanTilt-v0",
+}
+"""Ids of the paper's tasks as environments, by task."""
+
+EPISODE_STEPS = {
+    task.name: int(task.preset["steps"])
+    for task in (specs.reaching(), specs.tracking(), specs.pan_tilt())
+}
 """T of each task, as the paper has it."""
 
 for _name, _steps in EPISODE_STEPS.items():
-    if TASKS[_name].env_id not in gymnasium.registry:
+    if ENVIRONMENTS[_name] not in gymnasium.registry:
         gymnasium.register(
-            TASKS[_name].env_id,
+            ENVIRONMENTS[_name],
             entry_point="bpn_robot_sim.env:RobotEnv",
             max_episode_steps=_steps,
             kwargs={"task_name": _name},

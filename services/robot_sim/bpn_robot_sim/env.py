@@ -20,7 +20,7 @@ class RobotEnv(gymnasium.Env[Frame, np.int64]):
     of its own: the registered one truncates.
 
     Args:
-        task_name: a task of `bpn_shared.spec.tasks.TASKS`.
+        task_name: an installed task.
         render_mode: None or "rgb_array" (`render` then gives uint8[84, 84, 3]).
     """
 

@@ -5,7 +5,7 @@ from bpn_robot.robot import Info, check_action
 from bpn_robot_sim.environment import GymEnvironment, play_at_random
 from bpn_robot_sim.pictures import as_frame
 from bpn_shared.spec.config import ConfigError
-from bpn_shared.spec.tasks import Task
+from bpn_shared.spec.tasks import TaskSpec
 
 
 class GymRobot:
@@ -15,7 +15,7 @@ class GymRobot:
         ConfigError: the environment cannot be the task (`probe_environment`), or has other actions than it.
     """
 
-    def __init__(self, task: Task) -> None:
+    def __init__(self, task: TaskSpec) -> None:
         self._task = task
         self._env = GymEnvironment(task.name)
         if self._env.actions != task.actions:
@@ -37,7 +37,7 @@ class GymRobot:
         self._terminated, self._truncated = False, False
 
     @property
-    def task(self) -> Task:
+    def task(self) -> TaskSpec:
         return self._task
 
     @property

@@ -1,49 +1,55 @@
-"""The simulated robots by task; MuJoCo, Gymnasium and OpenGL are loaded when one is made."""
+"""The simulated robots, as plug-ins; MuJoCo, Gymnasium and OpenGL are loaded when one is made."""
 
 from pkgutil import resolve_name
 from typing import Any
 
+from bpn_robot import robots
 from bpn_robot.frame import is_flat
 from bpn_robot.robot import Robot
 from bpn_robot_sim.rendering import RenderingError
 from bpn_shared.spec.config import ConfigError
-from bpn_shared.spec.tasks import Task, is_gym, task_named
-
-_ROBOTS = {
-    "reaching": "bpn_robot_sim.reaching.robot:ReachingRobot",
-    "tracking": "bpn_robot_sim.tracking.robot:TrackingRobot",
-    "pan_tilt": "bpn_robot_sim.pan_tilt.robot:PanTiltRobot",
-}
+from bpn_shared.spec.installed import task_spec
+from bpn_shared.spec.tasks import TaskOptions, TaskSpec
 
 
 def make_robot(task_name: str) -> Robot:
-    """A new robot for the task of that name.
+    """A new robot for an installed task, by its name.
 
     Raises:
-        ValueError: the task is unknown, or has no simulated robot.
+        InputError: the task is unknown here, or its robot is not installed or broken.
         RenderingError: OpenGL cannot be started.
     """
-    task = task_named(task_name)
-    if task.name not in _ROBOTS:
-        raise ValueError(f"task {task.name!r} has no simulated robot")
-    robot: Robot = resolve_name(_ROBOTS[task.name])()  # by name: it imports this module
+    return robots.make_robot(task_spec(task_name, TaskOptions()))
+
+
+def reaching(task: TaskSpec) -> Robot:
+    """The arm under its top camera.
+
+    Raises:
+        ConfigError: the task has other actions or frames than this robot.
+        RenderingError: OpenGL cannot be started, or draws nothing.
+    """
+    return _of_scene("bpn_robot_sim.reaching.robot:ReachingRobot", task)
+
+
+def tracking(task: TaskSpec) -> Robot:
+    """The sliding window; raises as `reaching`."""
+    return _of_scene("bpn_robot_sim.tracking.robot:TrackingRobot", task)
+
+
+def pan_tilt(task: TaskSpec) -> Robot:
+    """The two pan-tilt units; raises as `reaching`."""
+    return _of_scene("bpn_robot_sim.pan_tilt.robot:PanTiltRobot", task)
+
+
+def gym(task: TaskSpec) -> Robot:
+    """A Gymnasium environment.
+
+    Raises:
+        ConfigError: it cannot be the task, or what it needs is not installed.
+    """
+    robot: Robot = of_gym("GymRobot")(task)
     return robot
-
-
-def robot_for(task: Task) -> Robot:
-    """A new robot for a run's task.
-
-    Raises:
-        ConfigError: a Gymnasium environment cannot be the task, or what it needs is not installed.
-        RenderingError: OpenGL cannot be started.
-    """
-    if not is_gym(task.name):
-        robot = make_robot(task.name)
-        if is_flat(robot.reset(0)):
-            raise RenderingError(RuntimeError("its pictures have one colour only"))
-        return robot
-    of_environment: Robot = of_gym("GymRobot")(task)
-    return of_environment
 
 
 def of_gym(name: str) -> Any:
@@ -58,3 +64,13 @@ def of_gym(name: str) -> Any:
         raise ConfigError(
             f"gym: tasks need {error.name}, which is not installed: pip install 'bpn-robot-sim[gym]'"
         ) from error
+
+
+def _of_scene(name: str, task: TaskSpec) -> Robot:
+    robot: Robot = resolve_name(name)(
+        task
+    )  # by name: whoever looks for a task's robot loads no other's
+    if is_flat(robot.reset(0)):
+        robot.close()
+        raise RenderingError(RuntimeError("its pictures have one colour only"))
+    return robot

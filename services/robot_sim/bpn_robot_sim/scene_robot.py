@@ -1,9 +1,12 @@
 """What robots of MuJoCo scenes have alike."""
 
+from collections.abc import Sized
+
 from bpn_robot.frame import Frame
 from bpn_robot_sim.physics import Physics
 from bpn_robot_sim.rendering import Camera
-from bpn_shared.spec.tasks import Task
+from bpn_shared.spec.config import ConfigError
+from bpn_shared.spec.tasks import TaskSpec
 
 
 class SceneRobot:
@@ -11,15 +14,21 @@ class SceneRobot:
 
     Args:
         camera: its name in the model.
+        actions: those that the robot has.
 
     Raises:
+        ConfigError: the task has other actions.
         RenderingError: OpenGL cannot be started.
     """
 
     truncated = False
     success = None
 
-    def __init__(self, task: Task, physics: Physics, camera: str) -> None:
+    def __init__(self, task: TaskSpec, physics: Physics, camera: str, actions: Sized) -> None:
+        if task.actions != len(actions):
+            raise ConfigError(
+                f"task {task.name!r} has {task.actions} actions, its robot {task.robot!r} has {len(actions)}"
+            )
         self.task = task
         self._physics = physics
         self._camera = Camera(physics.model, camera, task.frame_channels)

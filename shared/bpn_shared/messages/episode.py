@@ -21,7 +21,7 @@ from bpn_shared.messages.episode_form import (
     pack,
     unpack,
 )
-from bpn_shared.spec.tasks import Task
+from bpn_shared.spec.tasks import TaskSpec
 
 __all__ = ["MAX_BYTES", "Episode", "EpisodeMeta", "decode_meta"]
 
@@ -70,7 +70,7 @@ class Episode:
         )
 
     @classmethod
-    def decode(cls, data: bytes, task: Task) -> Self:
+    def decode(cls, data: bytes, task: TaskSpec) -> Self:
         """Reads `encode`'s bytes, of this schema or an older one, for a task's shapes.
 
         Raises:

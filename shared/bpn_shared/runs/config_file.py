@@ -1,17 +1,20 @@
 """config.json: the configuration of a run, with its schema, who wrote it and a digest.
 
-Schema 1 was the values alone. Each older schema is migrated to the next one, step by step, and what a file does
-not say is what the program did that wrote it, never what is the default today.
+Schema 1 was the values alone, and in schema 2 the task was a name. Each older schema is migrated to the next one,
+step by step, and what a file does not say is what the program did that wrote it, never what is the default today.
 """
 
 from collections.abc import Callable
 from typing import Any
 
+from bpn_shared.errors import InputError
 from bpn_shared.runs.digests import DamagedError, seal, unseal
 from bpn_shared.spec.config import ConfigError, RunConfig
+from bpn_shared.spec.installed import task_spec
+from bpn_shared.spec.tasks import TaskOptions
 from bpn_shared.version import VERSION, written_by
 
-SCHEMA = 2
+SCHEMA = 3
 
 _REMEDY = "put the file back as it was, or start a new run with the values that you want"
 
@@ -22,7 +25,9 @@ class OtherConfigVersionError(ConfigError):
 
 def encode_config(config: RunConfig) -> bytes:
     """The bytes of config.json."""
-    return seal({"schema": SCHEMA, "written_by": written_by(), "config": config.model_dump()})
+    return seal(
+        {"schema": SCHEMA, "written_by": written_by(), "config": config.model_dump(mode="json")}
+    )
 
 
 def decode_config(data: bytes, *, source: str) -> RunConfig:
@@ -30,7 +35,7 @@ def decode_config(data: bytes, *, source: str) -> RunConfig:
 
     Raises:
         OtherConfigVersionError: a newer schema, or keys that this program does not know.
-        ConfigError: damaged, or changed by hand.
+        ConfigError: damaged, changed by hand, or of an older schema with a task that is not installed here.
     """
     document = _document(data, source)
     schema = _schema(document, source)
@@ -38,7 +43,7 @@ def decode_config(data: bytes, *, source: str) -> RunConfig:
     if not isinstance(values, dict):
         raise ConfigError(f"{source}: it has no values; {_REMEDY}")
     for older in range(schema, SCHEMA):
-        values = _MIGRATIONS[older](values)
+        values = _migrated(older, values, source)
     unknown = values.keys() - RunConfig.model_fields.keys()
     if unknown and schema > 1:
         raise OtherConfigVersionError(
@@ -106,7 +111,6 @@ def _whose(document: dict[str, Any]) -> str:
 
 _BEFORE_SCHEMA_2: dict[str, Any] = {
     # The defaults of schema 1, and for what its first programs did not have yet, what they did.
-    "task": "reaching",
     "algorithm": "bpn",
     "seed": 0,
     "frame_channels": 0,
@@ -142,8 +146,36 @@ _BEFORE_SCHEMA_2: dict[str, Any] = {
 }
 
 
+def _migrated(older: int, values: dict[str, Any], source: str) -> dict[str, Any]:
+    try:
+        return _MIGRATIONS[older](values)
+    except InputError as error:
+        raise ConfigError(
+            f"{source}: of schema {older}, which names its task alone: {error}"
+        ) from error
+
+
 def _from_1(values: dict[str, Any]) -> dict[str, Any]:
     return _BEFORE_SCHEMA_2 | values
 
 
-_MIGRATIONS: dict[int, Callable[[dict[str, Any]], dict[str, Any]]] = {1: _from_1}
+def _from_2(values: dict[str, Any]) -> dict[str, Any]:
+    name = values.get("task")
+    if not isinstance(name, str):  # whose absence is said with that of others
+        return values
+    return values | {"task_spec": task_spec(name, _task_options(values))}
+
+
+def _task_options(values: dict[str, Any]) -> TaskOptions:
+    """Of an impossible one, what the task has: it is refused for itself."""
+    found: dict[str, int] = {}
+    for name in TaskOptions.model_fields:
+        if name in values:
+            try:
+                found |= TaskOptions.model_validate({name: values[name]}).model_dump(include={name})
+            except ValueError:
+                continue
+    return TaskOptions(**found)
+
+
+_MIGRATIONS: dict[int, Callable[[dict[str, Any]], dict[str, Any]]] = {1: _from_1, 2: _from_2}

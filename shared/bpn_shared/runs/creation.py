@@ -9,7 +9,8 @@ from collections.abc import Mapping
 from typing import Any, Literal, Protocol
 
 from bpn_shared.messages.probe import ProbeReply, ProbeRequest
-from bpn_shared.spec.config import ConfigError, RunConfig, preset_of
+from bpn_shared.spec.config import ConfigError, RunConfig
+from bpn_shared.spec.installed import preset_of
 from bpn_shared.spec.tasks import is_gym
 
 _ANY_ACTIONS = 2
@@ -82,11 +83,12 @@ def _actions_of(config: RunConfig, place: Workplace) -> int:
 def _checked(values: Mapping[str, Any]) -> RunConfig:
     """What is wrong in itself is said before an environment is opened for the rest."""
     changes = dict(values)
-    if "task" not in changes:
-        raise ConfigError("task: missing")
+    task = changes.pop("task", None)
+    if not isinstance(task, str):
+        raise ConfigError("task: missing" if task is None else f"task = {task!r}: must be a name")
     if _lacks_actions(values):
         changes["actions"] = _ANY_ACTIONS
-    return RunConfig.for_task(changes.pop("task"), **changes)
+    return RunConfig.for_task(task, **changes)
 
 
 def _lacks_actions(values: Mapping[str, Any]) -> bool:

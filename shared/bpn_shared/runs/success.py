@@ -6,23 +6,23 @@ import numpy as np
 import numpy.typing as npt
 
 from bpn_shared.messages.episode import EpisodeMeta
-from bpn_shared.spec.markers import REACHING_TARGET_RADIUS_PX
-from bpn_shared.spec.tasks import Task
+from bpn_shared.spec.tasks import TaskSpec
 
 
-def success_of(task: Task, meta: EpisodeMeta, rewards: npt.NDArray[np.floating]) -> bool | None:
+def success_of(task: TaskSpec, meta: EpisodeMeta, rewards: npt.NDArray[np.floating]) -> bool | None:
     """Whether the episode did what the task is about; None where nobody defines it.
 
     Args:
         rewards: [T], unscaled.
     """
     match task.success:
-        case "kept":
+        case "not_terminated":
             return not meta.terminated
-        case "reached":
-            return bool(rewards[-1] >= -REACHING_TARGET_RADIUS_PX)
+        case "last_reward" if task.success_reward is not None:
+            return bool(rewards[-1] >= task.success_reward)
         case "told":
             return meta.success
+    return None
 
 
 def share(successes: Iterable[bool | None]) -> float | None:

@@ -1,13 +1,14 @@
-"""The configuration of a run: the paper's Table I with a range for every value, and presets per task."""
+"""The configuration of a run: its task by value, and the paper's Table I with a range for every value."""
 
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
+from pydantic import Field, ValidationError, model_validator
 
 from bpn_shared.errors import InputError
 from bpn_shared.spec.algorithms import ALGORITHMS, KERNELS, Algorithm, AlgorithmName, implied
-from bpn_shared.spec.network import MAX_ACTIONS, MAX_CHANNELS, MAX_NODES, NetworkSpec
-from bpn_shared.spec.tasks import TASKS, Task, check_task_name, gym_task, is_gym
+from bpn_shared.spec.installed import preset_of, task_spec
+from bpn_shared.spec.network import MAX_NODES, NetworkSpec
+from bpn_shared.spec.tasks import MAX_NAME, NAME_PATTERN, TaskOptions, TaskSpec
 
 Pacing = Literal["lockstep", "realtime"]
 Kernel = Literal["native", "golden", "onnx"]
@@ -25,12 +26,18 @@ class ConfigError(InputError):
     """A configuration value is wrong; the message names the value, its range and where it came from."""
 
 
-class RunConfig(BaseModel):
-    """One training. Field names are the command line's options; symbols are the paper's."""
+class RunConfig(TaskOptions):
+    """One training. Field names are the command line's options; symbols are the paper's.
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
+    Whoever creates a run makes it by the task's name, with `for_task`; everybody else reads it, and knows the task
+    from `task_spec` alone.
+    """
 
-    task: Annotated[str, Field(description="what the robot learns")] = "reaching"
+    task: Annotated[
+        str,
+        Field(pattern=NAME_PATTERN, max_length=MAX_NAME, description="what the robot learns"),
+    ]
+    task_spec: Annotated[TaskSpec, Field(description="the task itself, as it is named")]
     algorithm: Annotated[
         AlgorithmName,
         Field(
@@ -38,23 +45,6 @@ class RunConfig(BaseModel):
         ),
     ] = "bpn"
     seed: Annotated[int, Field(ge=0, lt=2**63, description="seed of everything random")] = 0
-
-    frame_channels: Annotated[
-        int, Field(ge=0, le=3, description="gym tasks: 1 gray, 3 RGB; 0: as the task has it")
-    ] = 0
-    frames_stacked: Annotated[
-        int,
-        Field(
-            ge=0, le=MAX_CHANNELS, description="gym tasks: frames in an observation; 0: as the task"
-        ),
-    ] = 0
-    frame_skip: Annotated[
-        int,
-        Field(ge=0, le=100, description="gym tasks: steps that an action takes; 0: as the task"),
-    ] = 0
-    actions: Annotated[
-        int, Field(ge=0, le=MAX_ACTIONS, description="gym tasks: |A|; 0: found out by `bpn train`")
-    ] = 0
 
     iterations: Annotated[int, Field(ge=1, le=100_000, description="I, policy updates")] = 50
     episodes: Annotated[int, Field(ge=1, le=10_000, description="E, episodes an iteration")] = 10
@@ -140,26 +130,28 @@ class RunConfig(BaseModel):
         if not isinstance(values, dict):
             return values
         given = {
-            name: v for name, v in values.items() if not (name in _TASK_FIELDS and v in (0, "0"))
+            name: v
+            for name, v in values.items()
+            if not (name in TaskOptions.model_fields and v in (0, "0"))
         }
-        of_task = _of_task(str(given.get("task", "reaching")))
-        return of_task | implied(str(given.get("algorithm"))) | given
-
-    @field_validator("task")
-    @classmethod
-    def _possible_task(cls, name: str) -> str:
-        return check_task_name(name)
+        of_task = values.get("task_spec")
+        if isinstance(of_task, TaskSpec):
+            given = of_task.options() | given
+        elif isinstance(of_task, dict):
+            names = (name for name in TaskOptions.model_fields if name in of_task)
+            given = {name: of_task[name] for name in names} | given
+        return implied(str(given.get("algorithm"))) | given
 
     @model_validator(mode="after")
     def _fits_task(self) -> Self:
-        if is_gym(self.task):
-            if self.pacing == "realtime":
-                raise ValueError(
-                    f"pacing = 'realtime': {self.task!r} has no clock of its own; choose lockstep"
-                )
-            self.task_spec  # noqa: B018 - raises for values that no task can have
-            return self
-        for name, value in _of_task(self.task).items():
+        spec = self.task_spec
+        if spec.name != self.task:
+            raise ValueError(f"task = {self.task!r}: its task_spec is that of {spec.name!r}")
+        if self.pacing == "realtime" and not spec.realtime:
+            raise ValueError(
+                f"pacing = 'realtime': {self.task!r} has no clock of its own; choose lockstep"
+            )
+        for name, value in spec.options().items():
             if getattr(self, name) != value:
                 raise ValueError(
                     f"{name} = {getattr(self, name)}: task {self.task!r} has {value}; leave it out"
@@ -203,18 +195,6 @@ class RunConfig(BaseModel):
         return ALGORITHMS[self.algorithm]
 
     @property
-    def task_spec(self) -> Task:
-        if is_gym(self.task):
-            return gym_task(
-                self.task,
-                frame_channels=self.frame_channels,
-                frames_stacked=self.frames_stacked,
-                frame_skip=self.frame_skip,
-                actions=self.actions,
-            )
-        return TASKS[self.task]
-
-    @property
     def network(self) -> NetworkSpec:
         return self.task_spec.network(self.nodes)
 
@@ -240,13 +220,34 @@ class RunConfig(BaseModel):
 
     @classmethod
     def for_task(cls, task: str, **changes: Any) -> Self:
-        """The task's preset with some values changed.
+        """The task's preset with some values changed; the task is looked up among those installed here.
 
         Raises:
             ConfigError: a value is unknown or outside its range.
         """
-        preset = preset_of(task) | implied(changes.get("algorithm", ""))
-        return cls.parse({"task": task} | preset | changes)
+        try:
+            preset = preset_of(task)
+        except InputError as error:
+            raise ConfigError(str(error)) from error
+        return cls.bare(task, **preset | implied(changes.get("algorithm", "")) | changes)
+
+    @classmethod
+    def bare(cls, task: str, **values: Any) -> Self:
+        """The task without its preset: the fields' defaults stand in for what is not given.
+
+        Raises:
+            ConfigError: a value is unknown or outside its range.
+        """
+        if "task_spec" in values:
+            raise ConfigError(f"task_spec: follows from the task; one of: {', '.join(OPTIONS)}")
+        options = {name: v for name, v in values.items() if name in TaskOptions.model_fields}
+        try:
+            spec = task_spec(task, TaskOptions.model_validate(options))
+        except ValidationError as error:
+            raise ConfigError(describe(error, "")) from error
+        except InputError as error:
+            raise ConfigError(str(error)) from error
+        return cls.parse(values | {"task": task, "task_spec": spec})
 
     @classmethod
     def parse(cls, values: object, *, source: str = "") -> Self:
@@ -273,79 +274,9 @@ class RunConfig(BaseModel):
             raise ConfigError(describe(error, source)) from error
 
 
-PRESETS: dict[str, dict[str, Any]] = {
-    # Table I; what it leaves open (optimizer, scales) was found by experiment, see docs/algorithms.
-    "reaching": {
-        "steps": 20,
-        "nodes": 256,
-        "reward_scale": 0.1,
-        "relative_targets": True,
-        "learning_rate_last": 0.05,
-    },
-    "tracking": {
-        "steps": 40,
-        "nodes": 256,
-        "reward_scale": 0.2,
-        "relative_targets": True,
-        "learning_rate_last": 0.05,
-    },
-    # Section VI-B.
-    "pan_tilt": {
-        "nodes": 100,
-        "alpha": 0.95,
-        "beta": 3.0,
-        "iterations": 150,
-        "steps": 80,
-        "reward_scale": 0.1,
-        "relative_targets": True,
-        "learning_rate_last": 0.05,
-    },
-    # Three of its steps at once, because one moves the pole by less than a pixel; docs/tasks/gym.md.
-    "gym:CartPole-v1": {
-        "actions": 2,
-        "frame_skip": 3,
-        "nodes": 256,
-        "alpha": 0.9,
-        "gamma": 0.9,
-        "iterations": 30,
-        "episodes": 60,
-        "steps": 100,
-        "epochs": 10,
-        "datasets": 6,
-        "learning_rate": 3e-3,
-        "learning_rate_last": 0.1,
-        "scale_initial": 0.05,
-        "reward_scale": 0.6,
-        "relative_targets": True,
-    },
-}
-
-
-_GYM_PRESET: dict[str, Any] = {
-    # Of whatever unit rewards are, and episodes end for good or bad: the usual treatment of terminals.
-    "mask_terminals": True,
-    "reward_scale": 1.0,
-    "steps": 200,
-}
-
-
-def preset_of(task: str) -> dict[str, Any]:
-    """Values that a task begins with where they differ from the fields' defaults; {} for an unknown one.
-
-    "gym:" has those of a Gymnasium environment that has no preset of its own.
-    """
-    return _of_task(task) | (_GYM_PRESET if is_gym(task) else {}) | PRESETS.get(task, {})
-
-
-_TASK_FIELDS = ("frame_channels", "frames_stacked", "frame_skip", "actions")
-
-
-def _of_task(task: str) -> dict[str, int]:
-    """What follows from the task; of a Gymnasium environment, gray frames in pairs, which show motion."""
-    if is_gym(task):
-        return {"frame_channels": 1, "frames_stacked": 2, "frame_skip": 1}
-    known = TASKS.get(task)
-    return {} if known is None else {name: getattr(known, name) for name in _TASK_FIELDS}
+_FIRST = ("task", "algorithm", "seed")
+OPTIONS = (*_FIRST, *(n for n in RunConfig.model_fields if n not in (*_FIRST, "task_spec")))
+"""What whoever creates a run may give: the task by its name, and values."""
 
 
 def describe(error: ValidationError, source: str) -> str:
@@ -363,5 +294,5 @@ def describe(error: ValidationError, source: str) -> str:
 
 def _remedy(kind: str, message: str) -> str:
     if kind == "extra_forbidden":
-        return f"unknown; one of: {', '.join(RunConfig.model_fields)}"
+        return f"unknown; one of: {', '.join(OPTIONS)}"
     return message.removeprefix("Value error, ")

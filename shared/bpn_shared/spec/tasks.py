@@ -1,55 +1,139 @@
-"""The tasks that robots can do: what every service must know of each."""
+"""What a task is to every service: data that travels by value, in configurations and over the bus.
 
-import re
+Only whoever creates a run looks a task up by its name (`bpn_shared.spec.installed`); all others are told its
+specification, and find the parts that they need, robot or rewards, by the names in it.
+"""
+
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Literal
+from typing import Annotated, Any, Literal, Self
 
-from bpn_shared.spec.network import IMAGE_SIZE_PX, MAX_CHANNELS, NetworkSpec
+from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
-CONTROL_PERIOD_S = 0.145
-"""The paper's Table II."""
+from bpn_shared.spec.network import IMAGE_SIZE_PX, MAX_ACTIONS, MAX_CHANNELS, NetworkSpec
+
 RETURN_PX, RETURN = "return_px", "return"
-"""Mean return of an iteration: in pixels, or of a gym: task in its environment's unit."""
+"""Mean return of an iteration: in pixels, or in another unit."""
+
+MAX_NAME = 256
+NAME_PATTERN = r"^[A-Za-z0-9_][A-Za-z0-9_.-]*(:[!-~]+)?$"
+"""Of tasks: a plug-in's name, and of a family's tasks which of them."""
+
+GYM_PREFIX = "gym:"
+"""Begins the names of tasks that are any Gymnasium environment, such as gym:CartPole-v1."""
 
 
-@dataclass(frozen=True, slots=True)
-class Task:
+def is_gym(name: str) -> bool:
+    """Whether the task is a Gymnasium environment outside of this project."""
+    return name.startswith(GYM_PREFIX)
+
+
+_PluginName = Annotated[str, Field(pattern=r"^[A-Za-z0-9_][A-Za-z0-9_.-]*$", max_length=100)]
+_ActionName = Annotated[str, Field(min_length=1, max_length=100)]
+
+
+class TaskOptions(BaseModel):
+    """What a configuration may choose of a task of a family; 0: as the task has it."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    frame_channels: Annotated[
+        int, Field(ge=0, le=3, description="gym tasks: 1 gray, 3 RGB; 0: as the task has it")
+    ] = 0
+    frames_stacked: Annotated[
+        int,
+        Field(
+            ge=0, le=MAX_CHANNELS, description="gym tasks: frames in an observation; 0: as the task"
+        ),
+    ] = 0
+    frame_skip: Annotated[
+        int,
+        Field(ge=0, le=100, description="gym tasks: steps that an action takes; 0: as the task"),
+    ] = 0
+    actions: Annotated[
+        int, Field(ge=0, le=MAX_ACTIONS, description="gym tasks: |A|; 0: found out by `bpn train`")
+    ] = 0
+
+
+class TaskSpec(BaseModel):
     """One task.
 
     Attributes:
-        env_id: the Gymnasium id of its simulation.
+        name: what a configuration calls it.
+        title: what people read; the name where it is empty.
+        robot: the plug-in of the group bpn.robots that plays it.
+        rewards: the plug-in of the group bpn.rewards that computes them from pixels (the paper, section VI-A);
+            None: the robot tells them.
+        reward_unit: of rewards and returns.
+        plot: the plug-in of the group bpn.plots that draws trajectories; None: there is none.
         frame_channels: c of one camera frame uint8[c, 84, 84].
         frames_stacked: frames in one observation; C = frame_channels * frames_stacked.
+        frame_skip: steps of a Gymnasium environment that one action takes.
         action_names: what each action does, with its unit; |A| of them.
         hold_action: the action that leaves the robot where it is; what a robot did when no action
             came in time (realtime pacing).
         control_period_s: time between two frames in realtime pacing.
-        frame_skip: steps of a Gymnasium environment that one action takes.
-        rewards: computed from the pixels by the learner (the paper, section VI-A), or told by the robot.
-        success: what an episode has to do: end with the hand on the target, keep the target in the frame, or
-            whatever the robot says, if it says anything.
+        realtime: whether the robot has a clock of its own, so that realtime pacing is possible.
+        success: when an episode has done what the task is about: its last step's reward is at least
+            `success_reward`; it was not terminated; the robot tells; or nobody says.
+        preset: of a run's configuration, what such runs begin with where it is not the fields' default.
     """
 
-    name: str
-    env_id: str
-    frame_channels: int
-    frames_stacked: int
-    action_names: tuple[str, ...]
-    hold_action: int
-    control_period_s: float
-    frame_skip: int = 1
-    rewards: Literal["pixels", "robot"] = "pixels"
-    success: Literal["reached", "kept", "told"] = "kept"
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    name: Annotated[str, Field(pattern=NAME_PATTERN, max_length=MAX_NAME)]
+    title: Annotated[str, Field(max_length=100)] = ""
+    robot: _PluginName
+    rewards: _PluginName | None = None
+    reward_unit: Literal["px", ""] = ""
+    plot: _PluginName | None = None
+    frame_channels: Annotated[int, Field(ge=1, le=3)]
+    frames_stacked: Annotated[int, Field(ge=1, le=MAX_CHANNELS)] = 1
+    frame_skip: Annotated[int, Field(ge=1, le=100)] = 1
+    action_names: Annotated[tuple[_ActionName, ...], Field(min_length=2, max_length=MAX_ACTIONS)]
+    hold_action: Annotated[int, Field(ge=0)] = 0
+    control_period_s: Annotated[float, Field(gt=0, le=60)]
+    realtime: bool = True
+    success: Literal["last_reward", "not_terminated", "told", "undefined"] = "undefined"
+    success_reward: float | None = None
+    preset: dict[str, bool | int | float | str] = {}
+
+    @field_validator("frame_channels")
+    @classmethod
+    def _gray_or_rgb(cls, channels: int) -> int:
+        if channels == 2:
+            raise ValueError("must be 1 (gray) or 3 (RGB)")
+        return channels
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
+        if self.frame_channels * self.frames_stacked > MAX_CHANNELS:
+            raise ValueError(
+                f"frames_stacked = {self.frames_stacked} of {self.frame_channels} channels: an observation has "
+                f"at most {MAX_CHANNELS} channels"
+            )
+        if self.hold_action >= self.actions:
+            raise ValueError(
+                f"hold_action = {self.hold_action}: there are the actions 0..{self.actions - 1}"
+            )
+        if (self.success == "last_reward") != (self.success_reward is not None):
+            raise ValueError("success_reward belongs to success = last_reward, and to no other")
+        return self
+
+    @property
+    def told_rewards(self) -> bool:
+        """Whether the robot tells rewards; then it may also end episodes for reasons of its own."""
+        return self.rewards is None
 
     @property
     def return_metric(self) -> str:
-        """Name of the mean return in metrics: `return_px`, or `return` where its unit is the environment's."""
-        return RETURN_PX if self.rewards == "pixels" else RETURN
+        """Name of the mean return in metrics: `return_px`, or `return` where the unit is another."""
+        return RETURN_PX if self.reward_unit == "px" else RETURN
 
     @property
     def return_unit(self) -> str:
         """What to print behind a return: " px", or nothing."""
-        return " px" if self.rewards == "pixels" else ""
+        return " px" if self.reward_unit == "px" else ""
 
     @property
     def actions(self) -> int:
@@ -64,121 +148,25 @@ class Task:
         """The geometry of this task's policy with N = nodes."""
         return NetworkSpec(self.frame_channels * self.frames_stacked, nodes, self.actions)
 
-
-TASKS = {
-    "reaching": Task(
-        name="reaching",
-        env_id="bpn/Reaching-v0",
-        frame_channels=1,
-        frames_stacked=1,
-        action_names=tuple(
-            f"joint {joint} by {turn}°"
-            for joint in (1, 2)
-            for turn in (-90, -45, -30, 0, 30, 45, 90)
-        ),
-        hold_action=3,  # joint 1 by 0 degrees
-        control_period_s=CONTROL_PERIOD_S,
-        success="reached",
-    ),
-    "tracking": Task(
-        name="tracking",
-        env_id="bpn/Tracking-v0",
-        frame_channels=3,
-        frames_stacked=2,  # "to estimate the target's velocity", section V-A-2
-        action_names=tuple(f"window by {move} px" for move in (-8, -4, -2, 0, 2, 4, 8)),
-        hold_action=3,  # the window by 0 px
-        control_period_s=CONTROL_PERIOD_S,
-    ),
-    "pan_tilt": Task(
-        name="pan_tilt",
-        env_id="bpn/PanTilt-v0",
-        frame_channels=3,
-        frames_stacked=2,
-        action_names=(
-            *(f"tilt by {n}°" for n in (-4, -2, 0, 2, 4)),
-            *(f"pan by {n}°" for n in (-4, -2, 2, 4)),
-            *(f"pan by {-n}°, tilt by {n}°" for n in (-4, -2, 2, 4)),
-            *(f"pan by {n}°, tilt by {n}°" for n in (-4, -2, 2, 4)),
-        ),
-        hold_action=2,  # both motors by 0 degrees
-        control_period_s=CONTROL_PERIOD_S,
-    ),
-}
+    def options(self) -> dict[str, int]:
+        """What `TaskOptions` say of this task."""
+        return {name: getattr(self, name) for name in TaskOptions.model_fields}
 
 
-GYM_PREFIX = "gym:"
-"""Begins the names of tasks that are any Gymnasium environment, such as gym:CartPole-v1."""
+@dataclass(frozen=True, slots=True)
+class TaskFamily:
+    """Tasks without number that one plug-in makes, such as gym:CartPole-v1: its name, a colon, which of them.
 
-_GYM_NAME = r"gym:([A-Za-z0-9_.-]+/)?[A-Za-z0-9_.-]+"
-
-
-TASK_PATTERN = f"^({'|'.join(TASKS)}|{_GYM_NAME})$"
-"""Of all names that tasks may have."""
-TASK_NAMES = f"{', '.join(TASKS)}, {GYM_PREFIX}ENVIRONMENT-ID"
-"""For help and errors: the names that tasks may have."""
-
-
-def is_gym(name: str) -> bool:
-    """Whether the task is a Gymnasium environment outside of this project."""
-    return name.startswith(GYM_PREFIX)
-
-
-def return_metric(name: str) -> str:
-    """`Task.return_metric` of the task of that name."""
-    return RETURN if is_gym(name) else RETURN_PX
-
-
-def check_task_name(name: str) -> str:
-    """The name, if a task may have it.
-
-    Raises:
-        ValueError: no task is named so; the message lists those there are.
+    Attributes:
+        which: what stands behind the colon, for help.
+        title: of all of them, for people.
+        make: the specification of the task of a whole name, with options.
+        preset: of the task of a whole name, before it can be made; of the bare "FAMILY:", what others have.
+        known: whole names of tasks with a preset of their own.
     """
-    if not re.fullmatch(TASK_PATTERN, name):
-        raise ValueError(f"unknown; one of: {TASK_NAMES}")
-    return name
 
-
-def task_named(name: str) -> Task:
-    """One of the paper's tasks.
-
-    Raises:
-        ValueError: there is none of that name; the message lists those there are.
-    """
-    try:
-        return TASKS[name]
-    except KeyError:
-        raise ValueError(f"task = {name!r} is unknown; one of: {', '.join(TASKS)}") from None
-
-
-def gym_task(
-    name: str, *, frame_channels: int, frames_stacked: int, frame_skip: int, actions: int
-) -> Task:
-    """The Gymnasium environment of that name as a task.
-
-    Raises:
-        ValueError: a value is impossible, or still missing (0).
-    """
-    if actions < 2:
-        raise ValueError(
-            f"actions = {actions}: give the number of actions of {name!r} (`bpn train` finds it out)"
-        )
-    if frame_channels not in (1, 3):
-        raise ValueError(f"frame_channels = {frame_channels} must be 1 (gray) or 3 (RGB)")
-    if not 1 <= frame_channels * frames_stacked <= MAX_CHANNELS:
-        raise ValueError(
-            f"frames_stacked = {frames_stacked} of {frame_channels} channels: an observation has at most "
-            f"{MAX_CHANNELS} channels"
-        )
-    return Task(
-        name=name,
-        env_id=name.removeprefix(GYM_PREFIX),
-        frame_channels=frame_channels,
-        frames_stacked=frames_stacked,
-        action_names=tuple(f"action {number}" for number in range(actions)),
-        hold_action=0,  # without a meaning: these tasks have no realtime pacing
-        control_period_s=CONTROL_PERIOD_S,
-        frame_skip=frame_skip,
-        rewards="robot",
-        success="told",
-    )
+    which: str
+    title: str
+    make: Callable[[str, TaskOptions], TaskSpec]
+    preset: Callable[[str], Mapping[str, Any]]
+    known: tuple[str, ...] = ()

@@ -199,7 +199,7 @@ def test_an_error_of_the_system_is_one_line(
 def test_several_matches_are_listed_and_no_others(tmp_path: Path) -> None:
     ids = [f"01a20000-0000-7000-8000-00000000{n:04x}" for n in range(8)]
     for run in ids:
-        RunFolder.create(tmp_path, UUID(run), RunConfig())
+        RunFolder.create(tmp_path, UUID(run), RunConfig.bare("reaching"))
     with pytest.raises(InputError) as several:
         RunFolder.open(tmp_path, "01a20000")
     assert str(several.value).startswith(f"8 runs in {tmp_path} match '01a20000': {ids[3]}, ")

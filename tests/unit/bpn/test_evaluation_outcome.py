@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from paper import TASKS
 
 from bpn.evaluation import video
 from bpn.evaluation.outcome import Outcome, distinct_trials, outcome, summarize
@@ -18,7 +19,6 @@ from bpn_shared.messages.episode import Episode, EpisodeMeta
 from bpn_shared.runs.success import share, success_of
 from bpn_shared.spec.algorithms import AlgorithmName
 from bpn_shared.spec.config import RunConfig
-from bpn_shared.spec.tasks import TASKS
 
 TRACKING = RunConfig.for_task("tracking")
 GYM = RunConfig.for_task("gym:MountainCar-v0", actions=3)

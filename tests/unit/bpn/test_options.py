@@ -5,19 +5,18 @@ import re
 from pathlib import Path
 
 import pytest
+from paper import TASKS
 
 from bpn.cli import parse
 from bpn.options import add_run_options, common_defaults
-from bpn_shared.spec.config import PRESETS, RunConfig
-from bpn_shared.spec.tasks import TASKS, is_gym
+from bpn_shared.spec.config import OPTIONS, RunConfig
 
 ANY_GYM = "gym:Anything-v0"
-NAMED = [*{**TASKS, **PRESETS}, ANY_GYM]
+NAMED = [*TASKS, "gym:CartPole-v1", ANY_GYM]
 
 
 def config_of(task: str) -> RunConfig:
-    unknown = is_gym(task) and "actions" not in PRESETS.get(task, {})
-    return RunConfig.for_task(task, **{"actions": 2} if unknown else {})
+    return RunConfig.for_task(task, **{"actions": 2} if task == ANY_GYM else {})
 
 
 def told(arguments: list[str]) -> dict[str, str]:
@@ -34,17 +33,17 @@ def told(arguments: list[str]) -> dict[str, str]:
 @pytest.mark.parametrize("task", NAMED)
 def test_help_of_a_task_tells_what_its_runs_get(task: str) -> None:
     shown = told(["--seed", "3", task])
-    assert set(shown) == set(RunConfig.model_fields) - {"task"}
-    for name, value in config_of(task):
+    assert set(shown) == set(OPTIONS) - {"task"}
+    for name in shown:
         if name == "actions" and task == ANY_GYM:
             assert shown[name] == "found out"
-        elif name != "task":
-            assert shown[name] == f"{value} for {task}"
+        else:
+            assert shown[name] == f"{getattr(config_of(task), name)} for {task}"
 
 
 def test_help_without_a_task_tells_only_what_holds_for_all() -> None:
     shown = told([])
-    for name in RunConfig.model_fields.keys() - {"task"}:
+    for name in set(OPTIONS) - {"task"}:
         values = {str(getattr(config_of(task), name)) for task in NAMED}
         if name == "actions":
             values.add("found out")
@@ -67,4 +66,4 @@ def test_docs_say_for_which_tasks_targets_are_relative() -> None:
     assert claim is not None
     named = set(re.findall("`([^`]+)`", claim.group(1)))
     assert named == {task for task in NAMED if config_of(task).relative_targets}
-    assert named == {*TASKS, *PRESETS}
+    assert named == {*TASKS, "gym:CartPole-v1"}

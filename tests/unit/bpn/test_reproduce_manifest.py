@@ -28,20 +28,20 @@ def test_configurations_have_equal_hashes_exactly_if_they_are_equal(
 
 
 def test_a_value_given_or_left_at_its_default_is_the_same_run() -> None:
-    assert config_hash(RunConfig(task="tracking")) == config_hash(
-        RunConfig(task="tracking", gamma=0.99, pacing="lockstep")
+    assert config_hash(RunConfig.bare("tracking")) == config_hash(
+        RunConfig.bare("tracking", gamma=0.99, pacing="lockstep")
     )
 
 
 @pytest.mark.parametrize("task", ["reaching", "tracking", "pan_tilt", "gym:CartPole-v1"])
 def test_what_follows_from_the_task_is_no_part_of_a_name(task: str) -> None:
     """Or a field that a later version adds, and fills in from the task, would make every run anew."""
-    bare = RunConfig(task=task, actions=RunConfig.for_task(task).actions)
+    bare = RunConfig.bare(task, actions=RunConfig.for_task(task).actions)
     assert config_hash(bare) == digest({"task": task, "actions": bare.actions})
 
 
 def test_a_run_is_found_again_by_its_configuration(tmp_path: Path) -> None:
-    one, other = RunConfig(seed=1), RunConfig(seed=2)
+    one, other = RunConfig.bare("reaching", seed=1), RunConfig.bare("reaching", seed=2)
     first = Manifest(tmp_path).folder(one)
     assert Manifest(tmp_path).folder(one).path == first.path
     assert Manifest(tmp_path).folder(other).path != first.path
@@ -50,18 +50,18 @@ def test_a_run_is_found_again_by_its_configuration(tmp_path: Path) -> None:
 
 
 def test_a_run_that_was_removed_is_made_anew(tmp_path: Path) -> None:
-    first = Manifest(tmp_path).folder(RunConfig())
+    first = Manifest(tmp_path).folder(RunConfig.bare("reaching"))
     shutil.rmtree(first.path)
-    assert Manifest(tmp_path).folder(RunConfig()).path != first.path
+    assert Manifest(tmp_path).folder(RunConfig.bare("reaching")).path != first.path
 
 
 def test_a_run_made_before_a_default_changed_is_not_taken_for_one_of_now(tmp_path: Path) -> None:
-    first = Manifest(tmp_path).folder(RunConfig())
+    first = Manifest(tmp_path).folder(RunConfig.bare("reaching"))
     config = first.path / "config.json"  # as a program with another default had written it
-    config.write_bytes(encode_config(RunConfig(learning_rate=0.5)))
-    second = Manifest(tmp_path).folder(RunConfig())
+    config.write_bytes(encode_config(RunConfig.bare("reaching", learning_rate=0.5)))
+    second = Manifest(tmp_path).folder(RunConfig.bare("reaching"))
     assert second.path != first.path
-    assert second.config() == RunConfig()
+    assert second.config() == RunConfig.bare("reaching")
 
 
 def test_a_damaged_manifest_is_named_with_the_remedy(tmp_path: Path) -> None:

@@ -11,7 +11,7 @@ from bpn_shared.spec.config import ConfigError, RunConfig
 
 
 def test_a_run_that_somebody_else_learns_is_left_alone(tmp_path: Path) -> None:
-    folder = RunFolder.create(tmp_path, UUID(int=1), RunConfig())
+    folder = RunFolder.create(tmp_path, UUID(int=1), RunConfig.bare("reaching"))
     with folder.owned("a learner elsewhere"):
         before = folder.set_state("running", new_attempt=True)
         with pytest.raises(ConfigError, match="is being learned already"):

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from paper import TASKS
 
 from bpn.evaluation import plot, trajectories
 from bpn_robot.robot import Robot
@@ -9,7 +10,6 @@ from bpn_robot_sim.robots import make_robot
 from bpn_shared.errors import InputError
 from bpn_shared.messages.episode import Episode, EpisodeMeta
 from bpn_shared.spec.config import RunConfig
-from bpn_shared.spec.tasks import task_named
 
 STEPS = 12
 
@@ -19,7 +19,7 @@ Played = list[tuple[Episode, list[dict[str, tuple[float, float]]]]]
 def episode_of(
     frames: list[np.ndarray], actions: list[int], task: str, *, terminated: bool = False
 ) -> Episode:
-    steps, spec = len(actions), task_named(task)
+    steps, spec = len(actions), TASKS[task]
     meta = EpisodeMeta(
         iteration=0, episode=0, seed=0, slot=0, worker="edge", weights_attempt=1, weights_version=0,
         terminated=terminated, deadline_misses=0, duration_ns=0,

@@ -5,6 +5,7 @@ import pytest
 import torch
 from hypothesis import given
 from hypothesis import strategies as st
+from paper import rewards
 
 from bpn.verify import draws, pixels
 from bpn.verify.play import greedy_choice, observations, softmax_choice
@@ -12,11 +13,10 @@ from bpn.verify.trainee import smallest_on
 from bpn.verify.training import minibatches
 from bpn_edge.policy import epsilon_greedy_action, softmax_action
 from bpn_learner.fold import smallest_positive
-from bpn_learner.reward import rewards
 from bpn_learner.update import minibatches_per_epoch
 from bpn_shared.spec import seeds
-from bpn_shared.spec.markers import HAND_LEVEL, PAN_TILT_MARKER, TARGET_LEVEL, TRACKING_TARGET
 from bpn_shared.spec.observation import stack
+from bpn_tasks.markers import HAND_LEVEL, PAN_TILT_MARKER, TARGET_LEVEL, TRACKING_TARGET
 
 DISCS = {"tracking": TRACKING_TARGET, "pan_tilt": PAN_TILT_MARKER}
 points = st.tuples(st.floats(-15, 98), st.floats(-15, 98))

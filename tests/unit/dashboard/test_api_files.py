@@ -14,6 +14,7 @@ import pyarrow.parquet as pq
 import pytest
 from fastapi import FastAPI, Request
 from fastapi.testclient import TestClient
+from paper import TASKS
 
 from bpn_dashboard.api import problems
 from bpn_dashboard.api.files import file_response
@@ -24,7 +25,6 @@ from bpn_robot_sim.tracking import geometry as tracking
 from bpn_shared.bnn.blob import WeightBlob
 from bpn_shared.messages.episode import Episode, EpisodeMeta
 from bpn_shared.spec.config import RunConfig
-from bpn_shared.spec.tasks import TASKS
 
 
 @pytest.fixture

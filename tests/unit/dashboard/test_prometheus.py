@@ -62,7 +62,7 @@ def topology(context: Context) -> Topology:
 
 
 def test_what_may_happen_has_a_sample_before_it_does(client: TestClient, store: RunStore) -> None:
-    store.create(RunConfig(), actor="test")
+    store.create(RunConfig.bare("reaching"), actor="test")
     seen = samples(client)
     for state in STATES:
         assert seen[f"bpn_runs{{'state': '{state}'}}"] == (1.0 if state == "queued" else 0.0)
@@ -86,7 +86,7 @@ def test_what_may_happen_has_a_sample_before_it_does(client: TestClient, store: 
 def test_a_run_has_samples_while_it_is_worked_on(
     client: TestClient, context: Context, store: RunStore
 ) -> None:
-    row = store.create(RunConfig(iterations=7), actor="test")
+    row = store.create(RunConfig.bare("reaching", iterations=7), actor="test")
     labels = f"'run': '{row.id}', 'task': 'reaching'"
     assert not any(labels in name for name in samples(client))  # the queue may be long
 
@@ -125,7 +125,7 @@ def test_of_very_many_runs_the_newest_have_samples_and_all_are_counted(
     client: TestClient, store: RunStore, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(runs, "MOST_RUNS", 2)
-    rows = [store.create(RunConfig(), actor="test") for _ in range(4)]
+    rows = [store.create(RunConfig.bare("reaching"), actor="test") for _ in range(4)]
     store.observe({row.id: {"state": "running"} for row in rows})
     seen = samples(client)
     assert seen["bpn_runs{'state': 'running'}"] == 4

@@ -1,11 +1,11 @@
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from paper import TASKS
 
 from bpn_dashboard.registry.sweeps import expand
 from bpn_dashboard.registry.workplace import ConnectedWorkers
 from bpn_shared.spec.config import ConfigError, RunConfig
-from bpn_shared.spec.tasks import TASKS
 
 AXES = {
     "alpha": st.floats(0, 1),

@@ -1,14 +1,14 @@
 import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
+from paper import TASKS
 
 from bpn_edge.recorder import EpisodeRecorder
 from bpn_shared.messages.control import Assignment
 from bpn_shared.messages.frame import NO_ACTION, FrameHeader, FrameKind
 from bpn_shared.spec.observation import frame_indices, stack
-from bpn_shared.spec.tasks import task_named
 
-TASK = task_named("reaching")
+TASK = TASKS["reaching"]
 
 
 @given(st.lists(st.integers(0, 13), min_size=1, max_size=30), st.booleans(), st.integers(0, 2**32))

@@ -37,7 +37,9 @@ def test_initial_weights_are_what_they_always_were(
 
 def test_every_seed_has_weights_of_its_own() -> None:
     seeds = [0, 1, 2, 2**63 - 1]
-    found = {sha256(initial_policy(RunConfig(seed=seed, nodes=8))[0]) for seed in seeds}
+    found = {
+        sha256(initial_policy(RunConfig.bare("reaching", seed=seed, nodes=8))[0]) for seed in seeds
+    }
     assert len(found) == len(seeds)
 
 
@@ -65,7 +67,7 @@ def test_a_gpu_is_asked_of_torch_and_missed_at_the_beginning(
     for there in (False, True):
         monkeypatch.setattr(torch.cuda, "is_available", lambda there=there: there)
         assert has_gpu() is there
-        initial_policy(RunConfig(nodes=8))  # which asks for none
+        initial_policy(RunConfig.bare("reaching", nodes=8))  # which asks for none
     monkeypatch.setattr(torch.cuda, "is_available", lambda: False)
     with pytest.raises(ConfigError, match="torch finds no GPU"):
-        initial_policy(RunConfig(nodes=8, device="cuda"))
+        initial_policy(RunConfig.bare("reaching", nodes=8, device="cuda"))

@@ -22,8 +22,8 @@ from bpn_shared.spec.network import NetworkSpec
 
 SPEC = NetworkSpec(channels=1, nodes=12, actions=3)
 
-NO_DEFAULT = RunConfig(
-    task="tracking", algorithm="bqn", seed=3, iterations=11, episodes=7, steps=9, epochs=4, batch=6,
+NO_DEFAULT = RunConfig.bare(
+    "tracking", algorithm="bqn", seed=3, iterations=11, episodes=7, steps=9, epochs=4, batch=6,
     datasets=5, alpha=0.4, beta=2.5, gamma=0.7, mask_terminals=True, relative_targets=True,
     epsilon_initial=0.9, epsilon_final=0.2, nodes=12, learning_rate=0.02, learning_rate_final=0.3,
     learning_rate_last=0.5, scale_initial=0.4, reward_scale=0.3, engine="plain",
@@ -66,9 +66,9 @@ def test_the_configuration_reaches_the_update_in_every_field() -> None:
     )
     assert PolicyUpdate.of_iteration(NO_DEFAULT, 0).learning_rate_share == 1
     assert PolicyUpdate.of_iteration(NO_DEFAULT, 10).learning_rate_share == pytest.approx(0.5)
-    assert PolicyUpdate.of_iteration(RunConfig(), 0).target == "cvi"
+    assert PolicyUpdate.of_iteration(RunConfig.bare("reaching"), 0).target == "cvi"
     given = NO_DEFAULT.model_dump(include={*PolicyUpdate.__slots__})
-    defaults = RunConfig().model_dump(include={*PolicyUpdate.__slots__})
+    defaults = RunConfig.bare("reaching").model_dump(include={*PolicyUpdate.__slots__})
     assert all(given[name] != defaults[name] for name in given)  # or the test would show nothing
 
 

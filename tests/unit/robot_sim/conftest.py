@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 
 import pytest
+from paper import TASKS
 
 from bpn_robot_sim.pan_tilt.robot import PanTiltRobot
 from bpn_robot_sim.tracking.robot import TrackingRobot
@@ -10,13 +11,13 @@ from bpn_robot_sim.tracking.robot import TrackingRobot
 
 @pytest.fixture(scope="module")
 def tracking_robot() -> Iterator[TrackingRobot]:
-    robot = TrackingRobot()
+    robot = TrackingRobot(TASKS["tracking"])
     yield robot
     robot.close()
 
 
 @pytest.fixture(scope="module")
 def pan_tilt_robot() -> Iterator[PanTiltRobot]:
-    robot = PanTiltRobot()
+    robot = PanTiltRobot(TASKS["pan_tilt"])
     yield robot
     robot.close()

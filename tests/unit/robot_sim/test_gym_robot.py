@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 from PIL import Image
 
 from bpn_robot.robot import Robot
+from bpn_robot.robots import make_robot
 from bpn_robot_sim.pictures import as_frame
 from bpn_robot_sim.probe import probe_environment
-from bpn_robot_sim.robots import robot_for
 from bpn_shared.messages.probe import ProbeRequest
 from bpn_shared.spec.config import ConfigError, RunConfig
 
@@ -67,7 +67,7 @@ def actions_of(task: str) -> int:
 
 def make(task: str = "gym:bpn-test/Corridor-v0", **changes: Any) -> Robot:
     values = {"actions": actions_of(task), "frame_channels": 3} | changes
-    return robot_for(RunConfig.for_task(task, **values).task_spec)
+    return make_robot(RunConfig.for_task(task, **values).task_spec)
 
 
 def step(robot: Robot, action: int) -> int:

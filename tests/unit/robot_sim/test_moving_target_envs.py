@@ -10,11 +10,11 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from paper import TASKS
 
 import bpn_robot_sim  # noqa: F401 - registers the environments
-from bpn_robot_sim import references
+from bpn_robot_sim import ENVIRONMENTS, references
 from bpn_robot_sim.robots import make_robot
-from bpn_shared.spec.tasks import TASKS
 
 Env = gymnasium.Env[Any, Any]
 
@@ -31,7 +31,7 @@ def env_of() -> Iterator[Callable[[str, int], Env]]:
 
     def get(name: str, copy: int = 0) -> Env:
         if (name, copy) not in made:
-            made[name, copy] = gymnasium.make(TASKS[name].env_id)
+            made[name, copy] = gymnasium.make(ENVIRONMENTS[name])
         return made[name, copy]
 
     yield get
@@ -42,7 +42,7 @@ def env_of() -> Iterator[Callable[[str, int], Env]]:
 @BOTH
 @pytest.mark.filterwarnings("error")
 def test_gymnasiums_own_checker_is_content(name: str) -> None:
-    env = gymnasium.make(TASKS[name].env_id, render_mode="rgb_array")
+    env = gymnasium.make(ENVIRONMENTS[name], render_mode="rgb_array")
     check_env(env.unwrapped)
     env.close()
 
@@ -135,7 +135,7 @@ def test_standing_still_and_random_play_lose_the_target(name: str) -> None:
 
 @BOTH
 def test_rendering_is_the_frame_as_rgb(name: str) -> None:
-    env = gymnasium.make(TASKS[name].env_id, render_mode="rgb_array")
+    env = gymnasium.make(ENVIRONMENTS[name], render_mode="rgb_array")
     frame, _ = env.reset(seed=0)
     np.testing.assert_array_equal(env.render(), frame.transpose(1, 2, 0))
     env.close()

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 from bpn_robot.frame import is_flat
 from bpn_robot.robot import RobotFault
+from bpn_robot.robots import make_robot
 from bpn_robot_sim.environment import GymEnvironment
 from bpn_robot_sim.pictures import (
     ObservedPictures,
@@ -21,7 +22,6 @@ from bpn_robot_sim.pictures import (
     why_blind,
 )
 from bpn_robot_sim.probe import probe_environment
-from bpn_robot_sim.robots import robot_for
 from bpn_shared.messages.probe import ProbeRequest
 from bpn_shared.spec.config import ConfigError, RunConfig
 
@@ -186,7 +186,7 @@ def test_what_cannot_be_learned_from_is_refused_in_one_line(
     with pytest.raises(
         ConfigError, match=sentence
     ):  # a robot looks as whoever creates the run does
-        robot_for(RunConfig.for_task(task, actions=3).task_spec)
+        make_robot(RunConfig.for_task(task, actions=3).task_spec)
 
 
 SEEN: dict[str, dict[str, Any]] = {

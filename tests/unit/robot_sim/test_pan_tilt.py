@@ -10,12 +10,12 @@ import numpy.typing as npt
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from paper import TASKS
 
 from bpn_robot_sim.pan_tilt import backdrop, geometry, scene
 from bpn_robot_sim.pan_tilt.robot import PanTiltRobot
 from bpn_robot_sim.physics import Physics
-from bpn_shared.spec.markers import PAN_TILT_MARKER
-from bpn_shared.spec.tasks import TASKS
+from bpn_tasks.markers import PAN_TILT_MARKER
 
 TASK = TASKS["pan_tilt"]
 seeds = st.integers(0, 2**63 - 1)
@@ -188,8 +188,8 @@ def test_the_backdrop_has_structure_at_several_scales_and_no_marker_blue() -> No
 
 def test_a_fresh_process_sees_the_same_frames(pan_tilt_robot: PanTiltRobot) -> None:
     program = (
-        "import hashlib; from bpn_robot_sim.pan_tilt.robot import PanTiltRobot\n"
-        "robot = PanTiltRobot(); digest = hashlib.sha256(robot.reset(9).tobytes())\n"
+        "import hashlib; from bpn_robot_sim.robots import make_robot\n"
+        "robot = make_robot('pan_tilt'); digest = hashlib.sha256(robot.reset(9).tobytes())\n"
         "for action in range(17):\n"
         "    robot.command(action); robot.settle(); digest.update(robot.frame().tobytes())\n"
         "print(digest.hexdigest())"

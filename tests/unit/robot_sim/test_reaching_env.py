@@ -1,7 +1,6 @@
 """bpn/Reaching-v0 as a Gymnasium environment."""
 
 from collections.abc import Iterator
-from dataclasses import replace
 from typing import Any
 
 import gymnasium
@@ -10,10 +9,15 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 from hypothesis import given
 from hypothesis import strategies as st
+from paper import TASKS
 
 import bpn_robot_sim  # noqa: F401 - registers the environment
+from bpn_robot import robots
+from bpn_robot_sim import ENVIRONMENTS
 from bpn_robot_sim.robots import make_robot
-from bpn_shared.spec.tasks import TASKS
+from bpn_shared.errors import InputError
+from bpn_shared.plugins import PluginError
+from bpn_shared.spec.config import ConfigError
 
 TASK = TASKS["reaching"]
 ACTIONS = st.lists(st.integers(0, TASK.actions - 1), max_size=20)
@@ -21,21 +25,21 @@ ACTIONS = st.lists(st.integers(0, TASK.actions - 1), max_size=20)
 
 @pytest.fixture(scope="module")
 def env() -> Iterator[gymnasium.Env[Any, Any]]:
-    env = gymnasium.make(TASK.env_id)
+    env = gymnasium.make(ENVIRONMENTS["reaching"])
     yield env
     env.close()
 
 
 @pytest.fixture(scope="module")
 def other() -> Iterator[gymnasium.Env[Any, Any]]:
-    env = gymnasium.make(TASK.env_id)
+    env = gymnasium.make(ENVIRONMENTS["reaching"])
     yield env
     env.close()
 
 
 @pytest.mark.filterwarnings("error")
 def test_gymnasiums_own_checker_is_content() -> None:
-    env = gymnasium.make(TASK.env_id, render_mode="rgb_array")
+    env = gymnasium.make(ENVIRONMENTS["reaching"], render_mode="rgb_array")
     check_env(env.unwrapped)
     env.close()
 
@@ -70,7 +74,7 @@ def test_two_instances_show_the_same(
 
 
 def test_the_bare_environment_has_no_time_limit() -> None:
-    env = gymnasium.make(TASK.env_id).unwrapped
+    env = gymnasium.make(ENVIRONMENTS["reaching"]).unwrapped
     env.reset(seed=0)
     assert not any(any(env.step(np.int64(6))[2:4]) for _ in range(100))
     env.close()
@@ -78,7 +82,7 @@ def test_the_bare_environment_has_no_time_limit() -> None:
 
 @pytest.mark.parametrize("action", [-1, 14, 10**9])
 def test_actions_out_of_range_are_refused(action: int) -> None:
-    env = gymnasium.make(TASK.env_id).unwrapped
+    env = gymnasium.make(ENVIRONMENTS["reaching"]).unwrapped
     env.reset(seed=0)
     with pytest.raises(ValueError, match=rf"action = {action} is outside 0\.\.13"):
         env.step(action)
@@ -86,7 +90,7 @@ def test_actions_out_of_range_are_refused(action: int) -> None:
 
 
 def test_actions_that_are_not_integers_are_refused() -> None:
-    env = gymnasium.make(TASK.env_id).unwrapped
+    env = gymnasium.make(ENVIRONMENTS["reaching"]).unwrapped
     env.reset(seed=0)
     with pytest.raises(TypeError, match="float"):
         env.step(2.5)
@@ -94,7 +98,7 @@ def test_actions_that_are_not_integers_are_refused() -> None:
 
 
 def test_rendering_is_the_frame_as_rgb() -> None:
-    env = gymnasium.make(TASK.env_id, render_mode="rgb_array")
+    env = gymnasium.make(ENVIRONMENTS["reaching"], render_mode="rgb_array")
     frame, _ = env.reset(seed=0)
     picture = env.render()
     assert isinstance(picture, np.ndarray)
@@ -133,9 +137,12 @@ def test_random_play_returns_what_its_markov_chain_predicts(env: gymnasium.Env[A
     assert np.mean(returns) == pytest.approx(expected, abs=4 * np.std(returns) / np.sqrt(200))
 
 
-def test_unknown_tasks_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    with pytest.raises(ValueError, match="task = 'juggling' is unknown"):
+def test_unknown_tasks_and_robots_are_refused() -> None:
+    with pytest.raises(InputError, match="task = 'juggling': unknown; one of: "):
         make_robot("juggling")
-    monkeypatch.setitem(TASKS, "juggling", replace(TASK, name="juggling"))
-    with pytest.raises(ValueError, match="'juggling' has no simulated robot"):
-        make_robot("juggling")
+    juggling = TASK.model_copy(update={"robot": "juggler"})
+    with pytest.raises(PluginError, match="robot 'juggler' is not installed here"):
+        robots.make_robot(juggling)
+    other = TASK.model_copy(update={"action_names": ("left", "right")})
+    with pytest.raises(ConfigError, match="'reaching' has 2 actions, its robot 'reaching' has 14"):
+        robots.make_robot(other)

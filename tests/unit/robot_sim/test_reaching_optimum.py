@@ -8,17 +8,17 @@ from math import radians
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from paper import TASKS
 
 from bpn_robot_sim.reaching import geometry, optimum
 from bpn_robot_sim.reaching.robot import ReachingRobot
-from bpn_shared.spec.tasks import TASKS
 
 TOLERANCE_PX = 0.5  # twenty steps of a servo that stops up to 0.05 degrees away
 
 
 @pytest.fixture(scope="module")
 def robot() -> Iterator[ReachingRobot]:
-    robot = ReachingRobot()
+    robot = ReachingRobot(TASKS["reaching"])
     yield robot
     robot.close()
 

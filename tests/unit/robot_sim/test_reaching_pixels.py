@@ -8,19 +8,19 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from paper import TASKS
 
 from bpn_robot.frame import Frame
 from bpn_robot_sim.reaching import geometry
 from bpn_robot_sim.reaching.robot import ReachingRobot
-from bpn_shared.spec import markers
-from bpn_shared.spec.tasks import TASKS
+from bpn_tasks import markers
 
 ACTIONS = st.lists(st.integers(0, TASKS["reaching"].actions - 1), max_size=20)
 
 
 @pytest.fixture(scope="module")
 def robot() -> Iterator[ReachingRobot]:
-    robot = ReachingRobot()
+    robot = ReachingRobot(TASKS["reaching"])
     yield robot
     robot.close()
 

@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from paper import TASKS
 
 from bpn_robot_sim.physics import Physics
 from bpn_robot_sim.reaching import geometry, scene
 from bpn_robot_sim.reaching.robot import ReachingRobot
-from bpn_shared.spec.tasks import TASKS
 
 TASK = TASKS["reaching"]
 ACTIONS = st.lists(st.integers(0, TASK.actions - 1), max_size=20)
@@ -23,7 +23,7 @@ TURNS = [-90, -45, -30, 0, 30, 45, 90]
 
 @pytest.fixture(scope="module")
 def robot() -> Iterator[ReachingRobot]:
-    robot = ReachingRobot()
+    robot = ReachingRobot(TASKS["reaching"])
     yield robot
     robot.close()
 
@@ -140,8 +140,8 @@ def test_realtime_play_is_repeatable_after_reset(robot: ReachingRobot) -> None:
 def test_a_fresh_process_sees_the_same_frames(robot: ReachingRobot) -> None:
     actions = [0, 13, 8, 6, 4, 9, 2, 11]
     program = (
-        "import hashlib; from bpn_robot_sim.reaching.robot import ReachingRobot\n"
-        "robot = ReachingRobot(); digest = hashlib.sha256(robot.reset(0).tobytes())\n"
+        "import hashlib; from bpn_robot_sim.robots import make_robot\n"
+        "robot = make_robot('reaching'); digest = hashlib.sha256(robot.reset(0).tobytes())\n"
         f"for action in {actions}:\n"
         "    robot.command(action); robot.settle(); digest.update(robot.frame().tobytes())\n"
         "print(digest.hexdigest())"

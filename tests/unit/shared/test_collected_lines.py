@@ -47,7 +47,7 @@ def test_a_traceback_stays_as_it_was_said() -> None:
 
 @given(st.integers(1, 64), st.integers(1, 8))
 def test_a_run_has_a_name_for_each_of_its_workers(robots: int, learners: int) -> None:
-    names = service_names(RunConfig(robots=robots, learners=learners))
+    names = service_names(RunConfig.bare("reaching", robots=robots, learners=learners))
     assert len(names) == 2 * robots + learners
     assert {"learner", f"edge-{robots - 1}", f"robot_sim-{robots - 1}"} <= names
     assert f"robot_sim-{robots}" not in names

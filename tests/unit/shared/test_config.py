@@ -4,10 +4,11 @@ from typing import Any
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from paper import TASKS
 
 from bpn_shared.spec.algorithms import AlgorithmName
-from bpn_shared.spec.config import PRESETS, ConfigError, RunConfig
-from bpn_shared.spec.tasks import TASKS, Task
+from bpn_shared.spec.config import ConfigError, RunConfig
+from bpn_shared.spec.tasks import TaskSpec
 
 TABLE_ONE = {
     "alpha": 0.95, "beta": 1, "gamma": 0.99, "epochs": 50, "batch": 32, "iterations": 50,
@@ -40,9 +41,9 @@ def test_presets_are_the_papers_where_it_gives_values(
 
 
 @pytest.mark.parametrize("task", TASKS.values(), ids=lambda task: task.name)
-def test_every_task_has_a_preset_and_observations_of_its_network(task: Task) -> None:
+def test_every_task_has_a_preset_and_observations_of_its_network(task: TaskSpec) -> None:
     config = RunConfig.for_task(task.name)
-    assert task.name in PRESETS
+    assert task.preset["steps"] == config.steps
     assert config.network.channels == task.frame_channels * task.frames_stacked
     assert config.network.actions == task.actions > task.hold_action
     assert task.control_period_s == 0.145
@@ -55,7 +56,7 @@ def test_every_task_has_a_preset_and_observations_of_its_network(task: Task) -> 
         ({"beta": 0}, "beta = 0: Input should be greater than 0"),
         ({"nodes": "many"}, "nodes = 'many': Input should be a valid integer"),
         ({"pacing": "slow"}, "pacing = 'slow': Input should be 'lockstep' or 'realtime'"),
-        ({"task": "flying"}, "task = 'flying': unknown; one of: reaching"),
+        ({"task": "flying"}, "task = 'flying': unknown; one of: gym, pan_tilt, reaching, tracking"),
         ({"algorithm": "sarsa"}, "algorithm = 'sarsa': Input should be 'bpn', 'bqn'"),
         (
             {"algorithm": "dpp", "alpha": 0.9},
@@ -82,7 +83,10 @@ def test_every_task_has_a_preset_and_observations_of_its_network(task: Task) -> 
             {"task": "gym:A-v1", "actions": 2, "pacing": "realtime"},
             "pacing = 'realtime': 'gym:A-v1' has no clock of its own; choose lockstep",
         ),
-        ({"task": "gym:"}, "task = 'gym:': unknown; one of: reaching"),
+        ({"task": "gym:"}, "task = 'gym:': must be gym:ENVIRONMENT-ID"),
+        ({"task": "gym"}, "task = 'gym': unknown; gym:ENVIRONMENT-ID is what gym has"),
+        ({"task": "reaching:far"}, "task = 'reaching:far': unknown; reaching is what reaching has"),
+        ({"task_spec": {}}, "task_spec: follows from the task; one of: task, algorithm"),
         ({"task": "gym:a b", "actions": 2}, "gym:ENVIRONMENT-ID"),
         ({"alhpa": 0.5}, "alhpa = 0.5: unknown; one of: task, algorithm"),
     ],
@@ -96,9 +100,9 @@ def test_a_wrong_value_names_itself_and_its_range(changes: dict[str, Any], messa
 def test_a_gym_environment_is_a_task_by_its_name() -> None:
     config = RunConfig.for_task("gym:space/Some-v3", actions=5, frame_channels=3, frames_stacked=4)
     task = config.task_spec
-    assert (task.env_id, task.actions, task.frame_shape) == ("space/Some-v3", 5, (3, 84, 84))
+    assert (task.name, task.actions, task.frame_shape) == ("gym:space/Some-v3", 5, (3, 84, 84))
     assert (config.network.channels, config.network.actions) == (12, 5)
-    assert (task.rewards, task.return_metric, task.return_unit) == ("robot", "return", "")
+    assert (task.rewards, task.return_metric, task.return_unit) == (None, "return", "")
     assert config.mask_terminals
     assert RunConfig.from_json(config.model_dump_json().encode(), source="x") == config
     assert RunConfig.for_task("gym:A-v0", actions="2").network.channels == 2
@@ -136,7 +140,10 @@ def test_json_gives_the_same_configuration(iteration: int, seed: int) -> None:
 def test_an_algorithm_is_a_network_and_an_update(
     name: AlgorithmName, network: str, update: str
 ) -> None:
-    for config in (RunConfig(algorithm=name), RunConfig.for_task("pan_tilt", algorithm=name)):
+    for config in (
+        RunConfig.bare("reaching", algorithm=name),
+        RunConfig.for_task("pan_tilt", algorithm=name),
+    ):
         assert (config.algorithm_spec.network, config.algorithm_spec.update) == (network, update)
         assert config.kernel == {"binary": "native", "float": "onnx"}[network]
         assert config.alpha == (1.0 if name == "dpp" else 0.95)
@@ -148,14 +155,14 @@ def test_an_algorithm_is_a_network_and_an_update(
     [("bpn", False), ("bqn", True), ("cvi", False), ("dqn", True), ("dpp", False)],
 )
 def test_only_dqn_explores_with_epsilon(name: AlgorithmName, explores: bool) -> None:
-    config = RunConfig(algorithm=name, iterations=50)
+    config = RunConfig.bare("reaching", algorithm=name, iterations=50)
     expected = [1.0, 0.05, 0.05] if explores else [0, 0, 0]
     assert [config.epsilon(i) for i in (0, 25, 49)] == pytest.approx(expected)
 
 
 @given(st.integers(1, 200), st.floats(0, 1))
 def test_the_rate_falls_linearly_over_the_run(iterations: int, last: float) -> None:
-    config = RunConfig(iterations=iterations, learning_rate_last=last)
+    config = RunConfig.bare("reaching", iterations=iterations, learning_rate_last=last)
     shares = [config.learning_rate_share(i) for i in range(iterations)]
     assert shares[0] == 1
     assert shares == sorted(shares, reverse=True)
@@ -199,31 +206,38 @@ def test_every_default_and_preset_is_what_published_runs_were_made_with(task: st
     """A value that changes makes other weights of the same command."""
     given = {"actions": 5} if task == "gym:Other-v0" else {}
     expected = DEFAULTS | {"task": task} | PRESET_VALUES[task]
-    assert RunConfig.for_task(task, **given).model_dump() == expected
+    assert RunConfig.for_task(task, **given).model_dump(exclude={"task_spec"}) == expected
 
 
-def test_without_a_task_the_fields_defaults_hold() -> None:
-    assert RunConfig().model_dump() == DEFAULTS
+def test_without_its_preset_a_task_has_the_fields_defaults() -> None:
+    assert RunConfig.bare("reaching").model_dump(exclude={"task_spec"}) == DEFAULTS
 
 
 @given(st.integers(1, 60), st.integers(0, 59), st.floats(0, 1), st.floats(0, 1))
 def test_epsilon_falls_on_a_line_over_half_of_the_run(
     iterations: int, iteration: int, initial: float, final: float
 ) -> None:
-    config = RunConfig(
-        algorithm="dqn", iterations=iterations, epsilon_initial=initial, epsilon_final=final
+    config = RunConfig.bare(
+        "reaching",
+        algorithm="dqn",
+        iterations=iterations,
+        epsilon_initial=initial,
+        epsilon_final=final,
     )
     share = min(1.0, iteration / (iterations / 2))
     assert config.epsilon(iteration) == pytest.approx((1 - share) * initial + share * final)
-    assert RunConfig(iterations=iterations).epsilon(iteration) == 0
+    assert RunConfig.bare("reaching", iterations=iterations).epsilon(iteration) == 0
 
 
 @given(st.integers(2, 60), st.floats(0, 1))
 def test_the_learning_rate_falls_on_a_line_over_the_run(iterations: int, last: float) -> None:
-    config = RunConfig(iterations=iterations, learning_rate_last=last)
+    config = RunConfig.bare("reaching", iterations=iterations, learning_rate_last=last)
     shares = [config.learning_rate_share(iteration) for iteration in range(iterations)]
     assert shares[0] == 1
     assert shares[-1] == pytest.approx(last)
     steps = [b - a for a, b in pairwise(shares)]
     assert steps == pytest.approx([(last - 1) / (iterations - 1)] * (iterations - 1))
-    assert RunConfig(iterations=1, learning_rate_last=last).learning_rate_share(0) == 1
+    assert (
+        RunConfig.bare("reaching", iterations=1, learning_rate_last=last).learning_rate_share(0)
+        == 1
+    )

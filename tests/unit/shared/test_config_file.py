@@ -14,7 +14,8 @@ from bpn_shared.runs.config_file import (
     raw_config,
 )
 from bpn_shared.runs.digests import seal
-from bpn_shared.spec.config import ConfigError, RunConfig, preset_of
+from bpn_shared.spec.config import ConfigError, RunConfig
+from bpn_shared.spec.installed import preset_of
 from bpn_shared.version import VERSION, written_by
 
 GOLDEN = Path(__file__).parents[2] / "golden"
@@ -37,8 +38,7 @@ def test_it_says_who_wrote_it() -> None:
 def test_every_schema_is_read_for_ever(schema: int, path: Path) -> None:
     data = path.read_bytes()
     config = decode_config(data, source=str(path))
-    expected = RunConfig(
-        task="reaching", seed=5, iterations=5, episodes=2, steps=2, epochs=2, batch=2, nodes=1,
+    expected = RunConfig.bare("reaching", seed=5, iterations=5, episodes=2, steps=2, epochs=2, batch=2, nodes=1,
         datasets=2, **{k: v for k, v in preset_of("reaching").items() if k not in ("steps", "nodes")},
     )  # fmt: skip
     assert (config, config_schema(data)) == (expected, schema)

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from paper import TASKS
 
 from bpn_shared.messages.base import MessageError, OtherVersionError
 from bpn_shared.messages.episode import Episode, EpisodeMeta, decode_meta
-from bpn_shared.spec.tasks import TASKS
 
 GOLDEN = Path(__file__).parents[2] / "golden" / "episodes"
 REACHING = TASKS["reaching"]

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from paper import TASKS
 
 from bpn_shared.messages.action import Action
 from bpn_shared.messages.base import MAX_CONTROL_BYTES, MessageError, OtherVersionError
@@ -25,9 +26,8 @@ from bpn_shared.messages.telemetry import (
     Telemetry,
     WeightsMark,
 )
-from bpn_shared.spec.tasks import task_named
 
-REACHING = task_named("reaching")
+REACHING = TASKS["reaching"]
 u32, u64 = st.integers(0, 2**32 - 1), st.integers(0, 2**64 - 1)
 headers = st.builds(
     FrameHeader, st.sampled_from(FrameKind), u32, u32, u32, u64, u64, st.integers(0, 255), u32, u32,

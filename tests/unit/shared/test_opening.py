@@ -89,7 +89,7 @@ def test_only_files_and_folders_of_its_own_are_listed(odd: Path) -> None:
 
 
 def test_a_linked_run_folder_is_no_run(tmp_path: Path) -> None:
-    elsewhere = RunFolder.create(tmp_path / "elsewhere", RUN, RunConfig())
+    elsewhere = RunFolder.create(tmp_path / "elsewhere", RUN, RunConfig.bare("reaching"))
     (tmp_path / "runs").mkdir()
     (tmp_path / "runs" / str(RUN)).symlink_to(elsewhere.path)
     with pytest.raises(ConfigError, match="no run"):
@@ -105,7 +105,7 @@ def test_a_linked_run_folder_is_no_run(tmp_path: Path) -> None:
 
 @pytest.mark.timeout(20)
 def test_a_pipe_in_a_run_folder_makes_nobody_wait(tmp_path: Path) -> None:
-    folder = RunFolder.create(tmp_path, RUN, RunConfig())
+    folder = RunFolder.create(tmp_path, RUN, RunConfig.bare("reaching"))
     for name in ("config.json", "state.json", "metrics.jsonl", ".lock"):
         (folder.path / name).unlink(missing_ok=True)
         os.mkfifo(folder.path / name)
@@ -118,7 +118,10 @@ def test_a_pipe_in_a_run_folder_makes_nobody_wait(tmp_path: Path) -> None:
 
 
 def test_links_that_wait_for_a_writer_lead_nowhere(tmp_path: Path) -> None:
-    folder, precious = RunFolder.create(tmp_path, RUN, RunConfig()), tmp_path / "precious"
+    folder, precious = (
+        RunFolder.create(tmp_path, RUN, RunConfig.bare("reaching")),
+        tmp_path / "precious",
+    )
     precious.write_text("precious")
     for name in ("state.json", "state.json.new"):
         (folder.path / name).unlink(missing_ok=True)

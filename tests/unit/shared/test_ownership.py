@@ -52,7 +52,7 @@ with folder.owned("first") as owner:
 
 @pytest.fixture
 def folder(tmp_path: Path) -> RunFolder:
-    return RunFolder.create(tmp_path, UUID(int=1), RunConfig())
+    return RunFolder.create(tmp_path, UUID(int=1), RunConfig.bare("reaching"))
 
 
 def content(folder: RunFolder) -> dict[Path, bytes]:

@@ -16,13 +16,13 @@ RUNS = [UUID(int=0x1234 << 112 | 1), UUID(int=0x1235 << 112 | 2)]
 
 @pytest.fixture
 def folder(tmp_path: Path) -> RunFolder:
-    return RunFolder.create(tmp_path, RUNS[0], RunConfig(seed=7))
+    return RunFolder.create(tmp_path, RUNS[0], RunConfig.bare("reaching", seed=7))
 
 
 def test_a_run_is_found_by_the_end_or_beginning_of_its_id(
     folder: RunFolder, tmp_path: Path
 ) -> None:
-    RunFolder.create(tmp_path, RUNS[1], RunConfig())
+    RunFolder.create(tmp_path, RUNS[1], RunConfig.bare("reaching"))
     assert RunFolder.open(tmp_path, "1234").run == folder.run
     assert RunFolder.open(tmp_path, str(RUNS[1])).run == RUNS[1]
     with pytest.raises(ConfigError, match="2 runs in"):
@@ -32,7 +32,7 @@ def test_a_run_is_found_by_the_end_or_beginning_of_its_id(
 
 
 def test_the_configuration_is_kept(folder: RunFolder) -> None:
-    assert folder.config() == RunConfig(seed=7)
+    assert folder.config() == RunConfig.bare("reaching", seed=7)
     (folder.path / "config.json").write_text('{"alpha": 2}')
     with pytest.raises(ConfigError, match=r"config\.json: alpha = 2: .*less than or equal to 1"):
         folder.config()

@@ -25,7 +25,7 @@ NAMES = st.from_regex(r"[a-z.][a-z0-9.]{0,8}", fullmatch=True).filter(lambda n: 
 
 @pytest.fixture
 def folder(tmp_path: Path) -> RunFolder:
-    return RunFolder.create(tmp_path, RUN, RunConfig())
+    return RunFolder.create(tmp_path, RUN, RunConfig.bare("reaching"))
 
 
 @pytest.fixture
@@ -54,7 +54,7 @@ def everything(top: Path) -> dict[str, bytes | str | None]:
 )
 def test_what_is_removed_and_restored_is_as_it_was(tmp_path_factory, files, links, full) -> None:
     runs_dir = tmp_path_factory.mktemp("runs")
-    folder = RunFolder.create(runs_dir, RUN, RunConfig())
+    folder = RunFolder.create(runs_dir, RUN, RunConfig.bare("reaching"))
     for name, data in files.items():
         path = folder.path / name
         if not any(part.is_file() for part in (path, *path.parents)) and not path.is_dir():
@@ -77,7 +77,7 @@ def test_what_is_removed_and_restored_is_as_it_was(tmp_path_factory, files, link
 
 
 def test_the_trash_says_who_and_until_when(folder: RunFolder, trash: Trash) -> None:
-    other = RunFolder.create(folder.path.parent, UUID(int=2), RunConfig())
+    other = RunFolder.create(folder.path.parent, UUID(int=2), RunConfig.bare("reaching"))
     first, second = trash.put(str(other.run), "you"), trash.put(str(RUN), "me")
     assert (first.by, second.by) == ("you", "me")
     assert second.until_unix_s == second.at_unix_s + 100.0
@@ -217,7 +217,7 @@ def test_only_ids_are_names(trash: Trash, name: str) -> None:
 
 
 def test_a_full_disk_hinders_neither_removal_nor_deletion(folder: RunFolder, trash: Trash) -> None:
-    other = RunFolder.create(folder.path.parent, UUID(int=2), RunConfig())
+    other = RunFolder.create(folder.path.parent, UUID(int=2), RunConfig.bare("reaching"))
     with no_file_grows():
         assert trash.put(str(RUN), "me").run == str(RUN)
         trash.put(str(other.run), "me")
@@ -239,7 +239,7 @@ from bpn_shared.runs.folder import RunFolder
 from bpn_shared.runs.trash import Trash
 
 runs = Path(sys.argv[1])
-folder, trash = RunFolder.create(runs, UUID(int=1), RunConfig()), Trash(runs)
+folder, trash = RunFolder.create(runs, UUID(int=1), RunConfig.bare("reaching")), Trash(runs)
 trash.path.mkdir()
 try:
     for number in range(10**6):
@@ -300,7 +300,7 @@ def test_of_many_callers_one_does_it_and_the_others_are_told(folder, trash, act:
 def test_restored_and_deleted_at_once_it_is_whole_or_gone(tmp_path: Path) -> None:
     trash = Trash(tmp_path)
     for number in range(20):
-        folder = RunFolder.create(tmp_path, UUID(int=number), RunConfig())
+        folder = RunFolder.create(tmp_path, UUID(int=number), RunConfig.bare("reaching"))
         before = everything(folder.path)
         trash.put(str(folder.run), "me")
         begin = threading.Barrier(2)
@@ -321,7 +321,7 @@ def test_restored_and_deleted_at_once_it_is_whole_or_gone(tmp_path: Path) -> Non
 
 def test_two_of_one_id_are_never_mixed(folder: RunFolder, trash: Trash) -> None:
     trash.put(str(RUN), "me")
-    again = RunFolder.create(folder.path.parent, RUN, RunConfig(seed=5))
+    again = RunFolder.create(folder.path.parent, RUN, RunConfig.bare("reaching", seed=5))
     with pytest.raises(OccupiedError, match=r"there is a run .* again: remove that one first"):
         trash.restore(str(RUN))
     with pytest.raises(OccupiedError, match="in the trash already: delete that one first"):

@@ -4,8 +4,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, create_model
 
-from bpn_shared.spec.config import RunConfig
-from bpn_shared.spec.tasks import TASK_NAMES, TASK_PATTERN, check_task_name
+from bpn_shared.spec.config import OPTIONS, RunConfig
 
 
 class Request(BaseModel):
@@ -16,12 +15,11 @@ class Request(BaseModel):
 
 def _kinds() -> dict[str, Any]:
     """The type of each configuration key, with its range."""
-    kinds: dict[str, Any] = {
+    fields = ((name, RunConfig.model_fields[name]) for name in OPTIONS)
+    return {
         name: Annotated[field.annotation, *field.metadata, Field(description=field.description)]
-        for name, field in RunConfig.model_fields.items()
+        for name, field in fields
     }
-    task = Field(description=f"one of {TASK_NAMES}", json_schema_extra={"pattern": TASK_PATTERN})
-    return kinds | {"task": Annotated[str, task, AfterValidator(check_task_name)]}
 
 
 def _no_default(schema: dict[str, Any]) -> None:
@@ -50,7 +48,7 @@ if TYPE_CHECKING:
         """For configuration keys, the values to try."""
 
 else:
-    ConfigKey = Literal[tuple(RunConfig.model_fields)]
+    ConfigKey = Literal[OPTIONS]
 
     RunChanges = create_model(
         "RunChanges",

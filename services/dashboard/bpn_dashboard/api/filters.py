@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from pydantic import BaseModel, ConfigDict, Field, create_model
 
 from bpn_dashboard.registry.query import SORT_KEYS, RunFilter
-from bpn_shared.spec.config import RunConfig
+from bpn_shared.spec.config import OPTIONS
 
 _CONFIG = "config."
 _CONFIG_KEYS: dict[str, Any] = {
@@ -16,7 +16,7 @@ _CONFIG_KEYS: dict[str, Any] = {
         ],
         None,
     )
-    for name in RunConfig.model_fields
+    for name in OPTIONS
 }
 
 

@@ -8,7 +8,7 @@ from bpn_dashboard.api.configs import Request, RunChanges, SweepGrid, differ
 from bpn_dashboard.database.tables import RunRow, SweepRow
 from bpn_shared.runs.folder import State
 from bpn_shared.runs.trash import Removed
-from bpn_shared.spec.tasks import RETURN_PX, return_metric
+from bpn_shared.spec.tasks import RETURN_PX
 
 MAX_IDS = 1000
 
@@ -75,14 +75,13 @@ class Run(BaseModel):
     @classmethod
     def of(cls, row: RunRow) -> Self:
         """The row as the API shows it."""
-        metric = return_metric(row.task)
         same = {name: getattr(row, name) for name in cls.model_fields if hasattr(RunRow, name)}
         return cls.model_construct(
             **same,
             summary=RunSummary(
                 returns=ReturnSummary(
-                    metric=metric,
-                    unit="px" if metric == RETURN_PX else "",
+                    metric=row.return_metric,
+                    unit="px" if row.return_metric == RETURN_PX else "",
                     last=row.return_last,
                     best=row.return_best,
                     mean_last_5=row.return_mean_last_5,

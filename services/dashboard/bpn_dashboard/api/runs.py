@@ -22,8 +22,9 @@ from bpn_dashboard.api.models import (
 )
 from bpn_dashboard.api.problems import EXPECTED_ERRORS, ApiError, Problem, problem_of, responses
 from bpn_shared.runs.creation import configure
-from bpn_shared.spec.config import PRESETS, RunConfig, preset_of
-from bpn_shared.spec.tasks import GYM_PREFIX, TASKS, Task
+from bpn_shared.spec.config import OPTIONS, RunConfig
+from bpn_shared.spec.installed import offered
+from bpn_shared.spec.tasks import TaskSpec
 
 router = APIRouter(tags=["runs"])
 
@@ -31,28 +32,30 @@ _ETAG_HEADER = {"ETag": {"schema": {"type": "string"}, "description": "the run's
 
 
 class TaskChoice(BaseModel):
-    """A task that runs can have."""
+    """A task that runs can have, or have."""
 
     name: str
     title: str
     action_names: Annotated[list[str], Field(description="what each action does, by number")]
     frames_stacked: Annotated[int, Field(description="camera frames in one observation")]
     control_period_s: float
+    preset: Annotated[dict[str, Any], Field(description="what its runs begin with")]
 
     @classmethod
-    def of(cls, task: Task) -> "TaskChoice":
+    def of(cls, task: TaskSpec) -> "TaskChoice":
         """What people who choose or watch the task want to know of it."""
         return cls(
             name=task.name,
-            title=task.name.replace("_", " ").capitalize(),
+            title=task.title or task.name,
             action_names=list(task.action_names),
             frames_stacked=task.frames_stacked,
             control_period_s=task.control_period_s,
+            preset=task.options() | task.preset,
         )
 
 
 class ConfigSchema(BaseModel):
-    """What a run's configuration may hold.
+    """What a run's configuration may hold, with the tasks that are installed beside the dashboard.
 
     The preset "gym:" is that of Gymnasium environments without their own; 0 actions: they are found out.
     """
@@ -81,14 +84,32 @@ class BulkResults(BaseModel):
 
 @router.get("/config-schema", operation_id="getConfigSchema")
 def config_schema(_who: Viewer) -> ConfigSchema:
-    """The schema of configurations, the paper's values per task, and the defaults."""
+    """The schema of configurations, the values that each task begins with, and the defaults."""
+    tasks = offered()
+    bare = {f"{family}:": {"actions": 0} for family in tasks.families}
+    schema = RunConfig.model_json_schema()
     return ConfigSchema(
-        schema_=RunConfig.model_json_schema(),
-        presets={name: preset_of(name) for name in PRESETS}
-        | {GYM_PREFIX: preset_of(GYM_PREFIX) | {"actions": 0}},
-        tasks=[TaskChoice.of(task) for task in TASKS.values()],
-        defaults=RunConfig().model_dump(),
+        schema_={
+            "type": "object",
+            "properties": {name: schema["properties"][name] for name in OPTIONS},
+        },
+        presets={name: preset | bare.get(name, {}) for name, preset in tasks.presets.items()},
+        tasks=[TaskChoice.of(task) for task in sorted(tasks.specs, key=_steps_of_run)],
+        defaults={name: _DEFAULTS[name] for name in OPTIONS if name in _DEFAULTS},
     )
+
+
+_DEFAULTS = {
+    name: field.get_default()
+    for name, field in RunConfig.model_fields.items()
+    if not field.is_required()
+}
+
+
+def _steps_of_run(task: TaskSpec) -> int:
+    """Of the robot in a run as the task's preset has it: whoever does not choose begins with the shortest."""
+    values = _DEFAULTS | task.preset
+    return int(values["iterations"] * values["episodes"] * values["steps"])
 
 
 @router.get("/runs", operation_id="listRuns", responses=responses(422))
@@ -144,6 +165,13 @@ def create_run(
 def get_run(_who: Viewer, parts: Parts, response: Response, run_id: str) -> Run:
     """One run."""
     return _answer(parts, response, run_id)
+
+
+@router.get("/runs/{run_id}/task", operation_id="getTask", responses=responses(404, 422))
+def get_task(_who: Viewer, parts: Parts, run_id: str) -> TaskChoice:
+    """The run's task as its configuration has it, whether it is installed here or not."""
+    parts.runs.get(run_id)
+    return TaskChoice.of(parts.runs.folder(run_id).config().task_spec)
 
 
 @router.patch(

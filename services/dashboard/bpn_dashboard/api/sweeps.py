@@ -16,7 +16,7 @@ from bpn_dashboard.api.problems import responses
 from bpn_dashboard.database.tables import RunRow, SweepRow
 from bpn_dashboard.registry.query import RunFilter
 from bpn_shared.runs.statistics import over_seeds
-from bpn_shared.spec.tasks import return_metric
+from bpn_shared.spec.tasks import RETURN
 
 router = APIRouter(tags=["sweeps"])
 
@@ -164,7 +164,7 @@ def _shown(parts: Context, rows: Sequence[SweepRow]) -> list[Sweep]:
 
 def _heatmap(parts: Context, runs: RunFilter, query: _Axes) -> Heatmap:
     rows = parts.runs.find(runs)
-    metric = query.metric or return_metric(rows[0].task if rows else "")
+    metric = query.metric or (rows[0].return_metric if rows else RETURN)
     ends = parts.series.ends([row.id for row in rows], metric)
     cells: dict[tuple[Any, Any], list[RunRow]] = defaultdict(list)
     for row in rows:

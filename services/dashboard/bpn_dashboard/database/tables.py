@@ -62,8 +62,9 @@ class RunRow(Base):
     algorithm: Mapped[str]
     seed: Mapped[int] = mapped_column(BigInteger)
     config: Mapped[dict[str, Any]]
+    """Its values; of the task the name alone: the specification is in the run's folder."""
     config_hash: Mapped[str]
-    """SHA-256 of the configuration as canonical JSON."""
+    """SHA-256 of the configuration's values as canonical JSON."""
 
     state: Mapped[str]
     desired_state: Mapped[str]
@@ -72,6 +73,8 @@ class RunRow(Base):
     """Iterations done."""
     iterations: Mapped[int]
     weights_version: Mapped[int | None]
+    return_metric: Mapped[str]
+    """Name of the mean return among the run's metrics, which tells its unit."""
     return_last: Mapped[float | None]
     """Mean return of the newest iteration, as of the next two in the unit of the run's return metric."""
     return_best: Mapped[float | None]

@@ -17,6 +17,7 @@ from bpn_dashboard.registry.states import observed
 from bpn_shared.runs.folder import RunFolder, is_run_id
 from bpn_shared.runs.trash import Removed, Trash
 from bpn_shared.spec.config import ConfigError
+from bpn_shared.spec.tasks import RETURN
 
 _FILES = ("config.json", "state.json", "about.json")
 _NEEDED: dict[str, tuple[type, int]] = {
@@ -108,9 +109,12 @@ def row_of(folder: RunFolder, about: About | None = None) -> RunRow:
     about = about or About.read(folder)
     recorded = folder.state()
     try:
-        values, error = folder.config().model_dump(), recorded.error
+        config = folder.config()
+        values, error = config.model_dump(mode="json", exclude={"task_spec"}), recorded.error
+        metric = config.task_spec.return_metric
     except ConfigError as unreadable:
         values, error = _shown_at_least(folder, unreadable), str(unreadable)
+        metric = RETURN
         about = about.model_copy(update={"desired_state": "stopped"})
     return RunRow(
         id=str(folder.run),
@@ -124,6 +128,7 @@ def row_of(folder: RunFolder, about: About | None = None) -> RunRow:
         ),
         attempt=recorded.attempt,
         iterations=values["iterations"],
+        return_metric=metric,
         error=error,
         created_at=recorded.created_unix_s,
         updated_at=(folder.path / "state.json").stat().st_mtime,
@@ -135,7 +140,7 @@ def row_of(folder: RunFolder, about: About | None = None) -> RunRow:
 
 def _shown_at_least(folder: RunFolder, unreadable: ConfigError) -> dict[str, Any]:
     """The values of a configuration that cannot be read, if they are enough for a row."""
-    values = folder.raw_config()
+    values = {key: value for key, value in folder.raw_config().items() if key != "task_spec"}
     texts = all(isinstance(values.get(name), str) for name in ("task", "algorithm"))
     numbers = all(
         type(values.get(name)) is kind and least <= values[name] < 2**63

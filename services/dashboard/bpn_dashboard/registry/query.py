@@ -14,7 +14,7 @@ from sqlalchemy.orm import InstrumentedAttribute, Session
 
 from bpn_dashboard.database.tables import RunRow
 from bpn_dashboard.registry.errors import FilterError
-from bpn_shared.spec.config import RunConfig
+from bpn_shared.spec.config import OPTIONS, RunConfig
 
 SORT_KEYS: dict[str, InstrumentedAttribute[Any]] = {
     column.key: column
@@ -143,8 +143,8 @@ def conditions(runs: RunFilter) -> list[ColumnElement[bool]]:
 
 
 def _config_is(key: str, text: str) -> ColumnElement[bool]:
-    if key not in RunConfig.model_fields:
-        raise FilterError(f"config.{key} is unknown; one of: {', '.join(RunConfig.model_fields)}")
+    if key not in OPTIONS:
+        raise FilterError(f"config.{key} is unknown; one of: {', '.join(OPTIONS)}")
     known = RunConfig.model_fields[key]
     # Within its range: databases have one too.
     kind: Any = (

@@ -8,7 +8,7 @@ from functools import cache
 from typing import Any
 
 from bpn_shared.runs.creation import Workplace, configure
-from bpn_shared.spec.config import ConfigError, RunConfig
+from bpn_shared.spec.config import OPTIONS, ConfigError, RunConfig
 
 MAX_RUNS = 1000
 
@@ -46,7 +46,7 @@ def expand(
     runs = []
     for values in itertools.product(*axes.values()):
         point = dict(zip(axes, values, strict=True))
-        made = configure({"task": RunConfig.model_fields["task"].default, **config, **point}, place)
+        made = configure({**config, **point}, place)
         name = " ".join(f"{key}={_text(value)}" for key, value in point.items())
         runs.append(SweepRun(name or f"task={made.task}", made))
     return runs
@@ -63,7 +63,7 @@ class _AskedOnce:
 def _check(
     grid: Mapping[str, Sequence[Any]], seeds: Sequence[int], axes: Mapping[str, Sequence[Any]]
 ) -> None:
-    keys = RunConfig.model_fields
+    keys = OPTIONS
     if seeds and "seed" in grid:
         raise ConfigError("grid: seed: the seeds are given already; leave out one of the two")
     count = 1

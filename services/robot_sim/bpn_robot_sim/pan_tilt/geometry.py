@@ -10,9 +10,9 @@ from math import asin, atan2, cos, degrees, hypot, radians, sin, tan
 import numpy as np
 import numpy.typing as npt
 
-from bpn_shared.spec.framing import MIDDLE_PX
 from bpn_shared.spec.network import IMAGE_SIZE_PX
-from bpn_shared.spec.tasks import TASKS
+from bpn_tasks.framing import MIDDLE_PX
+from bpn_tasks.specs import CONTROL_PERIOD_S
 
 Angles = tuple[float, float]
 """(Pan, tilt)."""
@@ -29,7 +29,7 @@ MARKER_RADIUS_M = 0.035
 FIGURE_DEG = (25.0, 15.0)
 STEPS_PER_FIGURE = 80
 """The figure-8 is passed once in an episode: w = 0.54 rad/s."""
-PHASE_PER_S = 360.0 / (STEPS_PER_FIGURE * TASKS["pan_tilt"].control_period_s)
+PHASE_PER_S = 360.0 / (STEPS_PER_FIGURE * CONTROL_PERIOD_S)
 """w in degrees."""
 
 AGENT_LIMITS_DEG = (40.0, 30.0)

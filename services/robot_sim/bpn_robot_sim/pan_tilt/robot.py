@@ -10,9 +10,9 @@ from bpn_robot_sim.pan_tilt import backdrop, geometry, scene
 from bpn_robot_sim.pan_tilt.geometry import Angles
 from bpn_robot_sim.physics import Physics
 from bpn_robot_sim.scene_robot import SceneRobot
-from bpn_shared.spec.framing import BORDER_PX, in_frame, reward_px
-from bpn_shared.spec.markers import PAN_TILT_MARKER
-from bpn_shared.spec.tasks import TASKS
+from bpn_shared.spec.tasks import TaskSpec
+from bpn_tasks.framing import BORDER_PX, in_frame, reward_px
+from bpn_tasks.markers import PAN_TILT_MARKER
 
 
 class PanTiltRobot(SceneRobot):
@@ -22,12 +22,13 @@ class PanTiltRobot(SceneRobot):
     whole marker is in the frame.
 
     Raises:
+        ConfigError: the task has other actions than this robot.
         RenderingError: OpenGL cannot be started.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, task: TaskSpec) -> None:
         physics = Physics(scene.mjcf(), {"backdrop": backdrop.pixels()})
-        super().__init__(TASKS["pan_tilt"], physics, "eye")
+        super().__init__(task, physics, "eye", geometry.ACTIONS_DEG)
         model = physics.model
         self._camera_id, self._marker_id = model.camera("eye").id, model.body("marker").id
         self._start(phase_deg=0.0)

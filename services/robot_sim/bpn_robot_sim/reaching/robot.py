@@ -7,7 +7,7 @@ from bpn_robot.robot import Info, check_action
 from bpn_robot_sim.physics import Physics
 from bpn_robot_sim.reaching import geometry, scene
 from bpn_robot_sim.scene_robot import SceneRobot
-from bpn_shared.spec.tasks import TASKS
+from bpn_shared.spec.tasks import TaskSpec
 
 SETTLED_DEG = 0.05
 SETTLED_DEG_PER_S = 1.0
@@ -23,11 +23,12 @@ class ReachingRobot(SceneRobot):
     an episode.
 
     Raises:
+        ConfigError: the task has other actions than this robot.
         RenderingError: OpenGL cannot be started.
     """
 
-    def __init__(self) -> None:
-        super().__init__(TASKS["reaching"], Physics(scene.mjcf()), "top")
+    def __init__(self, task: TaskSpec) -> None:
+        super().__init__(task, Physics(scene.mjcf()), "top", geometry.ACTIONS_DEG)
         self._hand_id = self._physics.model.body("hand").id
         self._commanded_deg = geometry.START_DEG
         self._start()

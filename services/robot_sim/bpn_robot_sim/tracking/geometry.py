@@ -8,9 +8,9 @@ from math import cos, radians, sin
 
 import numpy as np
 
-from bpn_shared.spec.framing import MIDDLE_PX
 from bpn_shared.spec.network import IMAGE_SIZE_PX
-from bpn_shared.spec.tasks import TASKS
+from bpn_tasks.framing import MIDDLE_PX
+from bpn_tasks.specs import CONTROL_PERIOD_S
 
 PX_PER_M = 100.0
 WORLD_WIDTH_PX, WORLD_HEIGHT_PX = 180, 120
@@ -25,7 +25,7 @@ ARC_CENTRE_PX = (WORLD_WIDTH_PX / 2, 90.0)
 DEG_PER_STEP = 6.0
 """Forty steps are 240 degrees, in which the target sweeps at least 90 px in x: more than a window that
 stands still can see. In one step it moves at most 6.3 px in x: less than the window can."""
-DEG_PER_S = DEG_PER_STEP / TASKS["tracking"].control_period_s
+DEG_PER_S = DEG_PER_STEP / CONTROL_PERIOD_S
 
 ACTIONS_PX = (-8, -4, -2, 0, 2, 4, 8)
 """How far each action 0..6 moves the window. The paper prints 2 twice; the first must be -2."""

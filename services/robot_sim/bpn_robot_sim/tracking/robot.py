@@ -7,8 +7,8 @@ from bpn_robot.robot import Info, check_action
 from bpn_robot_sim.physics import Physics
 from bpn_robot_sim.scene_robot import SceneRobot
 from bpn_robot_sim.tracking import geometry, scene
-from bpn_shared.spec.framing import in_frame, reward_px
-from bpn_shared.spec.tasks import TASKS
+from bpn_shared.spec.tasks import TaskSpec
+from bpn_tasks.framing import in_frame, reward_px
 
 
 class TrackingRobot(SceneRobot):
@@ -18,11 +18,12 @@ class TrackingRobot(SceneRobot):
     in the frame).
 
     Raises:
+        ConfigError: the task has other actions than this robot.
         RenderingError: OpenGL cannot be started.
     """
 
-    def __init__(self) -> None:
-        super().__init__(TASKS["tracking"], Physics(scene.mjcf()), "window")
+    def __init__(self, task: TaskSpec) -> None:
+        super().__init__(task, Physics(scene.mjcf()), "window", geometry.ACTIONS_PX)
         self._start(phase_deg=0.0, window_px=geometry.ARC_CENTRE_PX[0])
 
     @property

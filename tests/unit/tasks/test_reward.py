@@ -5,9 +5,10 @@ import numpy.typing as npt
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from paper import rewards
 
-from bpn_learner.reward import RewardError, framing_rewards, reaching_rewards, rewards
-from bpn_shared.spec.markers import (
+from bpn_shared.spec.rewards import RewardError
+from bpn_tasks.markers import (
     ARM_LEVEL,
     BACKGROUND_LEVEL,
     HAND_LEVEL,
@@ -15,6 +16,7 @@ from bpn_shared.spec.markers import (
     TARGET_LEVEL,
     TRACKING_TARGET,
 )
+from bpn_tasks.rewards import framing_rewards, reaching_rewards
 
 Point = tuple[int, int]
 points = st.tuples(st.integers(5, 78), st.integers(5, 78))

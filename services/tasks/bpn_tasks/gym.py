@@ -1,0 +1,93 @@
+"""Gymnasium's environments as tasks: gym:CartPole-v1 and whatever else is installed where the robots are."""
+
+import re
+from typing import Any
+
+from bpn_shared.errors import InputError
+from bpn_shared.spec.network import MAX_CHANNELS
+from bpn_shared.spec.tasks import GYM_PREFIX, TaskFamily, TaskOptions, TaskSpec
+from bpn_tasks.specs import CONTROL_PERIOD_S
+
+_NAME = r"gym:([A-Za-z0-9_.-]+/)?[A-Za-z0-9_.-]+"
+
+_PRESET: dict[str, Any] = {
+    # Gray frames in pairs, which show motion.
+    "frame_channels": 1,
+    "frames_stacked": 2,
+    "frame_skip": 1,
+    # Of whatever unit rewards are, and episodes end for good or bad: the usual treatment of terminals.
+    "mask_terminals": True,
+    "reward_scale": 1.0,
+    "steps": 200,
+}
+
+_PRESETS: dict[str, dict[str, Any]] = {
+    # Three of its steps at once, because one moves the pole by less than a pixel; docs/tasks/gym.md.
+    "gym:CartPole-v1": {
+        "actions": 2,
+        "frame_skip": 3,
+        "nodes": 256,
+        "alpha": 0.9,
+        "gamma": 0.9,
+        "iterations": 30,
+        "episodes": 60,
+        "steps": 100,
+        "epochs": 10,
+        "datasets": 6,
+        "learning_rate": 3e-3,
+        "learning_rate_last": 0.1,
+        "scale_initial": 0.05,
+        "reward_scale": 0.6,
+        "relative_targets": True,
+    },
+}
+
+
+def preset(name: str) -> dict[str, Any]:
+    """What runs of an environment begin with; of "gym:", those of environments without a preset of their own."""
+    return _PRESET | _PRESETS.get(name, {})
+
+
+def spec(name: str, options: TaskOptions) -> TaskSpec:
+    """The Gymnasium environment of that name as a task.
+
+    Raises:
+        InputError: the name is none of an environment, or an option is impossible or still missing (0).
+    """
+    if not re.fullmatch(_NAME, name):
+        raise InputError(f"task = {name!r}: must be {GYM_PREFIX}ENVIRONMENT-ID")
+    channels = options.frame_channels or 1
+    stacked = options.frames_stacked or 2
+    if options.actions < 2:
+        raise InputError(
+            f"actions = {options.actions}: give the number of actions of {name!r} (`bpn train` finds it out)"
+        )
+    if channels == 2:
+        raise InputError("frame_channels = 2 must be 1 (gray) or 3 (RGB)")
+    if channels * stacked > MAX_CHANNELS:
+        raise InputError(
+            f"frames_stacked = {stacked} of {channels} channels: an observation has at most "
+            f"{MAX_CHANNELS} channels"
+        )
+    return TaskSpec(
+        name=name,
+        title=name.removeprefix(GYM_PREFIX)[:100],
+        robot="gym",
+        frame_channels=channels,
+        frames_stacked=stacked,
+        frame_skip=options.frame_skip or 1,
+        action_names=tuple(f"action {number}" for number in range(options.actions)),
+        control_period_s=CONTROL_PERIOD_S,  # without a meaning, as the hold action: it has no realtime pacing
+        realtime=False,
+        success="told",
+        preset=preset(name),
+    )
+
+
+GYM = TaskFamily(
+    which="ENVIRONMENT-ID",
+    title="Gymnasium environment",
+    make=spec,
+    preset=preset,
+    known=tuple(_PRESETS),
+)
