@@ -112,8 +112,3 @@ def test_each_task_looks_for_its_own_colour() -> None:
 def test_gray_frames_are_refused_where_rgb_is_due(task: str) -> None:
     with pytest.raises(RewardError, match=r"the task has uint8\[T\+1, 3, 84, 84\]"):
         rewards(task, np.zeros((2, 1, 84, 84), np.uint8))
-
-
-def test_a_task_without_a_reward_is_named() -> None:
-    with pytest.raises(RewardError, match="'flying' has no reward"):
-        rewards("flying", np.stack([draw((20, 20), (60, 60))] * 2))

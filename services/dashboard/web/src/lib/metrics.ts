@@ -133,14 +133,14 @@ const AFTER_RETURN = [
   'weights_version_lag',
 ];
 
-/** What the returns of runs of these tasks are called, and their unit: pixels, but not in Gymnasium's environments. */
-export function returnOf(...tasks: string[]): Metric {
-  return metricNamed(tasks.some((task) => task.startsWith('gym:')) ? 'return' : 'return_px');
+/** What the returns of runs are called together, each of which has this return metric: no unit where they differ. */
+export function returnOf(...returns: string[]): Metric {
+  return metricNamed(returns.find((name) => name !== 'return_px') ?? 'return_px');
 }
 
-/** What a page of runs of these tasks opens with. */
-export function principalOf(...tasks: string[]): string[] {
-  const returns = tasks.length > 0 ? tasks.map((task) => returnOf(task).name) : ['return_px'];
+/** What a page of runs opens with that have these return metrics. */
+export function principalOf(...metrics: string[]): string[] {
+  const returns = metrics.length > 0 ? metrics : ['return_px'];
   return [...new Set(returns), ...AFTER_RETURN];
 }
 

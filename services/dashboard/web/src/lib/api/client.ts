@@ -91,6 +91,8 @@ export class ApiClient {
       this.post<{ results: t.BulkResult[] }>('/runs/bulk', { action, ids }),
     metrics: (id: string, signal?: AbortSignal) =>
       this.get<t.MetricNames>(`/runs/${id}/metrics`, undefined, signal),
+    task: (id: string, signal?: AbortSignal) =>
+      this.get<t.TaskInfo>(`/runs/${id}/task`, undefined, signal),
     configDiff: (id: string, other: string, signal?: AbortSignal) =>
       this.get<t.ConfigDiff>(`/runs/${id}/config-diff`, { other }, signal),
   };

@@ -67,7 +67,7 @@ test('chosen runs stand for themselves, a filter is gathered over seeds', () => 
   expect(groupingOf(by, subjectOf(by)!)).toEqual(['alpha', 'nodes']);
   expect(groupingOf(by.with({ by: ['run'] }), subjectOf(by)!)).toBeNull();
   expect(subjectOf(View.parse('?page=compare&by=alpha'))).toBeNull();
-  expect(metricsOf(View.parse('?metrics=loss,scale'), ['reaching'])).toEqual(['loss', 'scale']);
+  expect(metricsOf(View.parse('?metrics=loss,scale'), ['return_px'])).toEqual(['loss', 'scale']);
 });
 
 const MAP: Heatmap = {

@@ -53,10 +53,10 @@ export function groupingOf(view: View, subject: Subject): SeriesQuery['group_by'
   return subject.runs ? null : ALL_BUT_SEED;
 }
 
-/** The metrics that the URL names, or those that such tasks open with. */
-export function metricsOf(view: View, tasks: readonly string[]): string[] {
+/** The metrics that the URL names, or those that runs with these return metrics open with. */
+export function metricsOf(view: View, returns: readonly string[]): string[] {
   const metrics = view.list('metrics');
-  return metrics.length > 0 ? metrics : principalOf(...tasks);
+  return metrics.length > 0 ? metrics : principalOf(...returns);
 }
 
 /** The part of a series query that all charts of the page share. */

@@ -5,11 +5,11 @@ import { draftOf, fieldsOf, read } from './draft';
 import { fieldOf, parseValue, presetOf, sectionsOf } from './form';
 import { parseValues, runsOf } from './sweep';
 
-const TASK = { action_names: [], frames_stacked: 1, control_period_s: 0.145 };
+const TASK = { action_names: [], frames_stacked: 1, control_period_s: 0.145, preset: {} };
 const SCHEMA: ConfigSchema = {
   schema: {
     properties: {
-      task: { type: 'string', default: 'reaching' },
+      task: { type: 'string', default: 'pointing' },
       algorithm: { enum: ['bpn', 'bqn'], default: 'bpn' },
       seed: { type: 'integer', minimum: 0, exclusiveMaximum: 2 ** 63, default: 0 },
       nodes: { type: 'integer', minimum: 1, maximum: 1024, default: 100, description: 'N' },
@@ -19,10 +19,10 @@ const SCHEMA: ConfigSchema = {
       invented_later: { type: 'integer', default: 1 },
     },
   },
-  presets: { reaching: { nodes: 256 }, pan_tilt: { beta: 3 }, 'gym:': { beta: 2, nodes: 50 } },
+  presets: { pointing: { nodes: 256 }, sorting: { beta: 3 }, 'gym:': { beta: 2, nodes: 50 } },
   tasks: [
-    { name: 'reaching', title: 'Reaching', ...TASK },
-    { name: 'pan_tilt', title: 'Pan tilt', ...TASK },
+    { name: 'pointing', title: 'Pointing', ...TASK },
+    { name: 'sorting', title: 'Sorting', ...TASK },
   ],
   defaults: {},
 };
@@ -58,8 +58,8 @@ test('what a number prints as is read back', () => {
 });
 
 test('a task has its preset over the defaults', () => {
-  expect(presetOf(SCHEMA, 'reaching')).toMatchObject({ nodes: 256, beta: 1, task: 'reaching' });
-  expect(presetOf(SCHEMA, 'pan_tilt')).toMatchObject({ nodes: 100, beta: 3 });
+  expect(presetOf(SCHEMA, 'pointing')).toMatchObject({ nodes: 256, beta: 1, task: 'pointing' });
+  expect(presetOf(SCHEMA, 'sorting')).toMatchObject({ nodes: 100, beta: 3 });
 });
 
 test('a Gymnasium environment has the preset of its kind, and needs an id', () => {
@@ -79,22 +79,22 @@ test('a Gymnasium environment has the preset of its kind, and needs an id', () =
 });
 
 test('only what differs from the preset is asked for', () => {
-  const draft = draftOf(SCHEMA, { task: 'reaching', nodes: 256, alpha: 0.8, algorithm: 'bqn' });
+  const draft = draftOf(SCHEMA, { task: 'pointing', nodes: 256, alpha: 0.8, algorithm: 'bqn' });
   expect(read(SCHEMA, draft)).toMatchObject({
-    config: { task: 'reaching', alpha: 0.8, algorithm: 'bqn' },
+    config: { task: 'pointing', alpha: 0.8, algorithm: 'bqn' },
     runs: 1,
     wrong: {},
   });
-  draft.task = 'pan_tilt';
+  draft.task = 'sorting';
   draft.texts = { beta: '3', nodes: 'many' };
   expect(read(SCHEMA, draft)).toMatchObject({
-    config: { task: 'pan_tilt', algorithm: 'bqn' },
+    config: { task: 'sorting', algorithm: 'bqn' },
     wrong: { nodes: 'must be a number' },
   });
 });
 
 test('a sweep is its grid times its seeds, and says where it is wrong', () => {
-  const draft = draftOf(SCHEMA, { task: 'reaching', alpha: 0.5 });
+  const draft = draftOf(SCHEMA, { task: 'pointing', alpha: 0.5 });
   draft.sweep = true;
   draft.axes = [
     { key: 'alpha', text: '0.5, 0.9 0.95' },
@@ -102,7 +102,7 @@ test('a sweep is its grid times its seeds, and says where it is wrong', () => {
   ];
   draft.seeds = '0-3, 10';
   expect(read(SCHEMA, draft)).toEqual({
-    config: { task: 'reaching' },
+    config: { task: 'pointing' },
     grid: { alpha: [0.5, 0.9, 0.95], algorithm: ['bpn', 'bqn'] },
     seeds: [0, 1, 2, 3, 10],
     runs: 30,

@@ -142,7 +142,7 @@ function measure(
     kind: 'number',
     sort: key,
     descendingFirst: true,
-    text: (run) => quantity(value(run), returnOf(run.task).unit),
+    text: (run) => quantity(value(run), returnOf(run.summary.returns.metric).unit),
     about,
   };
 }

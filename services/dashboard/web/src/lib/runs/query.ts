@@ -49,7 +49,7 @@ export function nextSort(current: string, key: string, descendingFirst: boolean)
   return current === second && key !== 'created_at' ? NEWEST_FIRST : first;
 }
 
-/** Splits `alpha=0.95 reaching` of the search field into filters on configuration keys and words. */
+/** Splits `alpha=0.95 arm` of the search field into filters on configuration keys and words. */
 export function parseSearch(
   text: string,
   keys: ReadonlySet<string>,

@@ -16,7 +16,7 @@ function aRun(i: number, change: Partial<Run> = {}): Run {
     name: `run ${i}`,
     state: 'running',
     desired_state: 'running',
-    task: 'reaching',
+    task: 'pointing',
     algorithm: 'bpn',
     seed: i,
     config: { alpha: 0.9, nodes: 100, seed: i },
@@ -175,7 +175,7 @@ test('a filter survives the trip through a URL', () => {
   const query: RunQuery = {
     search: 'wide',
     state: 'running,lost',
-    task: 'tracking',
+    task: 'sorting',
     config: { alpha: '0.9' },
     archived: true,
   };
@@ -213,5 +213,5 @@ test('every column says something, also of configuration keys', () => {
   for (const key of DEFAULT_COLUMNS) expect(columnOf(key)).not.toBeNull();
   expect(columnOf('config.alpha')?.text(aRun(1))).toBe('0.9');
   expect(columnOf('nonsense')).toBeNull();
-  expect(nameOf({ id: '01234567-89ab', name: '', task: 'reaching' })).toBe('reaching 567-89ab');
+  expect(nameOf({ id: '01234567-89ab', name: '', task: 'pointing' })).toBe('pointing 567-89ab');
 });
