@@ -67,8 +67,8 @@ def run(options: argparse.Namespace) -> int:
     video, plot = _media(options, config.task)
     ThisMachine().check_playing(config)
     stop = stop_on_signals()
-    with trials_bar(trials.count) as on_progress:
-        episodes = play(folder, weights, trials, stop, on_progress)
+    with trials_bar(trials.count) as bar:
+        episodes = play(folder, weights, trials, stop, on_progress=bar.move, say=bar.say)
     if stop.is_set():
         return 130
     result = {
