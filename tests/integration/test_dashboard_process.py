@@ -300,6 +300,25 @@ def test_a_damaged_database_is_one_line_with_the_remedy(tmp_path, wait_for, offs
     assert "reindex" in line
 
 
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (["--runs-dir", "/proc/none"], "No such file or directory: /proc/none"),
+        (["--runs-dir", "FILE"], "File exists: FILE"),
+        (["--state-dir", "/proc/none"], "No such file or directory: /proc/none"),
+        (["--metrics-token", "/proc/none"], "/proc/none"),
+        (["--connect", "router"], "'router' is no endpoint of a router: give tcp/HOST:PORT"),
+        (["--connect", "tcp/127.0.0.1:70000"], "port 70000 is above 65535"),
+    ],
+)
+def test_what_cannot_be_used_is_one_line_that_names_it(tmp_path, options, said: str) -> None:
+    (tmp_path / "file").touch()
+    file = str(tmp_path / "file")
+    given = {"--runs-dir": str(tmp_path / "runs")} | {options[0]: options[1].replace("FILE", file)}
+    line = refused(*(part for option in given.items() for part in option))
+    assert said.replace("FILE", file) in line
+
+
 def test_a_router_that_needs_certificates_is_refused_at_once_without_them(tmp_path) -> None:
     options = ("--runs-dir", str(tmp_path), "--connect", "tls/127.0.0.1:7999")
     assert "needs certificates" in refused(*options, environment={"BPN_CERTIFICATES": ""})
