@@ -63,13 +63,12 @@ def configure(
     else:
         config = _from_file(config_file)
     if endpoint is not None:
+        check_endpoint(endpoint)
         config.insert_json5("listen/endpoints", json.dumps([endpoint]))
     if upstream is not None:
         check_endpoint(upstream)
         config.insert_json5("connect/endpoints", json.dumps([upstream]))
     asks_who = json.loads(config.get_json("transport/link/tls"))["enable_mtls"]
-    for door in endpoints(config):
-        check_endpoint(door)
     for open_door in filter(lambda e: not is_local(e), endpoints(config)):
         if not (open_door.startswith(("tls/", "quic/")) and asks_who):
             raise ConfigError(
