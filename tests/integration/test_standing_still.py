@@ -12,9 +12,9 @@ from pool import frozen
 
 from bpn.evaluation.trials import Trials, play
 from bpn.reproduce.campaign import Campaign
-from bpn_shared import watchdog
-from bpn_shared.config import RunConfig
 from bpn_shared.runs.folder import RunFolder
+from bpn_shared.runtime import watchdog
+from bpn_shared.spec.config import RunConfig
 
 DEADLINE_S = 120.0
 SMALL = {"iterations": 1, "epochs": 1, "nodes": 16, "steps": 12, "batch": 8}

@@ -10,7 +10,7 @@ from bpn_dashboard.database.engine import sqlite_url
 from bpn_shared.bus.certificates import client_tls
 from bpn_shared.bus.endpoint import check_endpoint
 from bpn_shared.bus.session import DEFAULT_ENDPOINT
-from bpn_shared.config import ConfigError
+from bpn_shared.spec.config import ConfigError
 
 DEFAULT_PORT = 8000
 

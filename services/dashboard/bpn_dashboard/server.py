@@ -11,7 +11,7 @@ from starlette.types import ASGIApp
 
 from bpn_dashboard.access.connections import BACKLOG, Listener
 from bpn_dashboard.hub.websocket import UVICORN_OPTIONS
-from bpn_shared.config import ConfigError
+from bpn_shared.spec.config import ConfigError
 
 _SHUTDOWN_S = 2
 _QUEUE = 1024

@@ -3,7 +3,7 @@
 import socket
 
 from bpn_shared.bus.endpoint import network
-from bpn_shared.config import ConfigError
+from bpn_shared.spec.config import ConfigError
 
 LOOPBACK = "127.0.0.1"
 

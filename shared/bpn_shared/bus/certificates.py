@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import NamedTuple, Self
 
 from bpn_shared.bus.x509 import facts_of
-from bpn_shared.config import ConfigError
+from bpn_shared.spec.config import ConfigError
 
 AUTHORITY, CERTIFICATE, KEY = "authority.pem", "certificate.pem", "key.pem"
 """Names of the files: who is trusted, who we are, and the proof of it."""

@@ -12,7 +12,7 @@ import zenoh
 
 from bpn_shared.bus.session import Bus
 from bpn_shared.bus.signal import Signal
-from bpn_shared.service import Counters
+from bpn_shared.counters import Counters
 
 Item = TypeVar("Item")
 Encode = Callable[[Item], tuple[bytes, bytes | None]]

@@ -2,8 +2,8 @@
 
 from importlib.metadata import version
 
-from bpn_shared.config import RunConfig
 from bpn_shared.runs.state import STATES
+from bpn_shared.spec.config import RunConfig
 
 
 def test_every_state_has_a_sample_and_the_program_says_which_it_is(client, store) -> None:

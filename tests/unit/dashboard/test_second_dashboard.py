@@ -13,7 +13,7 @@ from bpn_dashboard.api.context import Context
 from bpn_dashboard.live import Live, stay_joined
 from bpn_dashboard.registry.election import Candidate
 from bpn_shared.bus.session import Bus
-from bpn_shared.service import Counters
+from bpn_shared.counters import Counters
 
 WaitFor = Callable[..., None]
 

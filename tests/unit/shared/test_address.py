@@ -5,8 +5,8 @@ import pytest
 from bpn_shared.bus.address import own_address
 from bpn_shared.bus.endpoint import check_endpoint
 from bpn_shared.bus.session import Bus
-from bpn_shared.config import ConfigError
 from bpn_shared.errors import InputError
+from bpn_shared.spec.config import ConfigError
 
 
 @pytest.mark.parametrize(

@@ -19,7 +19,7 @@ from bpn_shared.messages.frame import FrameHeader, FrameKind, decode_frame
 from bpn_shared.messages.metrics import MetricsBatch, Point
 from bpn_shared.messages.preview import PreviewHeader, check_pixels
 from bpn_shared.messages.telemetry import KeyTraffic, Percentiles, Telemetry, WeightsMark
-from bpn_shared.tasks import task_named
+from bpn_shared.spec.tasks import task_named
 
 REACHING = task_named("reaching")
 u32, u64 = st.integers(0, 2**32 - 1), st.integers(0, 2**64 - 1)

@@ -14,8 +14,8 @@ from typing import Literal
 
 from pydantic import BaseModel, ConfigDict
 
-from bpn_shared import keys
-from bpn_shared.access import CHANNELS
+from bpn_shared.bus import keys
+from bpn_shared.bus.access import CHANNELS
 from bpn_shared.messages.telemetry import KeyTraffic, Percentiles, Telemetry, WeightsEvent
 
 STALE_AFTER_S = 3.0

@@ -13,10 +13,10 @@ import time
 from collections.abc import Callable
 from typing import NamedTuple
 
-from bpn_shared import keys
+from bpn_shared.bus import keys
 from bpn_shared.bus.liveliness import Token, TokenWatch
 from bpn_shared.bus.session import Bus
-from bpn_shared.service import Counters
+from bpn_shared.counters import Counters
 
 log = logging.getLogger(__name__)
 

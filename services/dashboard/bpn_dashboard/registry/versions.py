@@ -5,7 +5,7 @@ from typing import NamedTuple, get_args
 
 from bpn_shared.messages.lease import LeaseRequest, Role
 from bpn_shared.messages.telemetry import Telemetry
-from bpn_shared.service import protocol_of
+from bpn_shared.runtime.service import protocol_of
 from bpn_shared.version import PROTOCOL, VERSION
 
 log = logging.getLogger(__name__)
