@@ -21,6 +21,7 @@ from bpn.dashboard import Dashboard
 from bpn_certificates.authority import Validity, issue, new_authority
 from bpn_dashboard.state_lock import ADDRESS_FILE
 from bpn_shared.runs.folder import RunFolder
+from bpn_shared.runs.trash import Trash
 from bpn_shared.spec.config import RunConfig
 
 DEADLINE_S = 60.0
@@ -135,7 +136,25 @@ def test_runs_are_started_listed_and_exported_from_the_command_line(
             return ",0,0.5" in output.read_text()
 
         wait_for(exported, "the point in the export", DEADLINE_S)
-    assert "bpn up" in bpn("ls", status=2)
+        rest_of_id = made["id"][-8:]
+        (removed,) = json.loads(bpn("rm", rest_of_id, "--json"))
+        assert (removed["id"], removed["removed_by"]) == (made["id"], "local commands")
+        assert "local commands removed it" in bpn("rm", rest_of_id, status=2)
+        assert [item["id"] for item in json.loads(bpn("trash", "--json"))] == [made["id"]]
+        assert json.loads(bpn("ls", "--json")) == []
+        assert json.loads(bpn("restore", rest_of_id, "--json"))[0]["name"] == "mine"
+
+        def seen() -> list[str]:
+            return [item["id"] for item in json.loads(bpn("ls", "--json"))]
+
+        assert seen() == [made["id"]]
+        Trash(tmp_path).put(made["id"], "another machine")  # which does not find the dashboard
+        wait_for(lambda: seen() == [], "the dashboard to notice", DEADLINE_S)
+        (pruned,) = json.loads(bpn("restore", rest_of_id, "--json"))
+        assert json.loads(bpn("prune", "--keep", "0", "--json"))[0]["id"] == pruned["id"]
+        assert json.loads(bpn("empty-trash", "--json")) == [{"id": made["id"]}]
+    assert "bpn up" in bpn("start", "reaching", status=2)
+    assert json.loads(bpn("ls", "--json")) == []
 
 
 def test_the_first_run_is_started_once_and_metrics_have_a_token_of_their_own(
@@ -165,7 +184,7 @@ def test_database_and_token_can_be_kept_from_those_who_share_the_runs(tmp_path, 
             _,
         ):
             (run,) = client.get("/api/v1/runs").json()["items"]
-            assert {path.name for path in runs.iterdir()} == {run["id"]}
+            assert {path.name for path in runs.iterdir()} == {run["id"], ".trash"}
             assert oct((state / ADDRESS_FILE).stat().st_mode)[-3:] == "600"
 
 

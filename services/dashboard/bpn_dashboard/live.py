@@ -6,7 +6,7 @@ import logging
 import math
 import threading
 import time
-from collections.abc import AsyncIterator, Sequence
+from collections.abc import AsyncIterator, Collection, Sequence
 from contextlib import AsyncExitStack, asynccontextmanager
 from dataclasses import dataclass, field
 
@@ -19,6 +19,7 @@ from bpn_dashboard.hub.topology import Topology
 from bpn_dashboard.registry.dispatcher import Dispatcher
 from bpn_dashboard.registry.election import MISSED_S, Candidate
 from bpn_dashboard.registry.versions import Refused
+from bpn_dashboard.registry.view import RegistryView
 from bpn_shared.backoff import Backoff
 from bpn_shared.bus.session import Bus, BusError
 from bpn_shared.runtime.service import new_worker_id
@@ -94,11 +95,21 @@ class Live:
         """The workers that ask for work and cannot be used."""
         return [] if self.dispatcher is None else self.dispatcher.refused()
 
+    def registry(self) -> RegistryView:
+        """What the registry knows beside the rows."""
+        return RegistryView() if self.dispatcher is None else self.dispatcher.view()
+
     def publish(self, rows: Sequence[RunRow]) -> None:
         """Tells the pages that are open."""
         if (hub := self.hub) is not None:
             for row in rows:
                 hub.publish("runs", Run.of(row).model_dump(mode="json"))
+
+    def publish_gone(self, run_ids: Collection[str]) -> None:
+        """Tells them which runs are not there any more."""
+        if (hub := self.hub) is not None:
+            for run_id in run_ids:
+                hub.publish("runs", {"id": run_id, "removed": True})
 
 
 async def stay_joined(

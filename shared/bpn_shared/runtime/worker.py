@@ -85,6 +85,7 @@ class WorkerProcess:
             counters=self.counters,
             latencies=self.latencies,
             weights=self.weights,
+            certificate=lambda: None if self.router is None else self.router.certificate,
         )
         with (
             contextlib.closing(

@@ -51,13 +51,14 @@ class LeaseDesk:
     Args:
         folder: finds the folder of a run.
         news: called when something has changed.
-        counters: refused tokens are counted here.
+        counters: refused tokens are counted here, and `learner_deaths`.
     """
 
     def __init__(
         self, folder: Callable[[str], RunFolder], news: Callable[[], None], counters: Counters
     ) -> None:
         self._folder, self._news, self._counters = folder, news, counters
+        counters.add("learner_deaths", 0)  # what rises from nothing shall be seen to rise
         self._lock = threading.Lock()
         self._book, self._losses, self._setbacks = LeaseBook(), Losses(), Setbacks()
         self._refusals = Refusals()
@@ -185,6 +186,11 @@ class LeaseDesk:
 
     # For the dispatcher
 
+    def vacancies(self) -> dict[Role, int]:
+        """By role, the places in wanted runs that nobody has."""
+        with self._lock:
+            return dict(self._book.vacancies())
+
     def settle(self) -> None:
         """Gives no leases until all tokens should have been seen."""
         with self._lock:
@@ -234,6 +240,7 @@ class LeaseDesk:
                 if run not in self._iterations or loss.iteration is None:
                     continue  # the run is over, or was to stop
                 log.warning("learner %s of run %s died", loss.worker, run)
+                self._counters.add("learner_deaths")
                 reason = self._setbacks.died(loss.run, loss.worker, loss.iteration)
                 if reason is not None:
                     self._given_up[run] = reason

@@ -21,6 +21,7 @@ from bpn_dashboard.registry.stalls import Stalls
 from bpn_dashboard.registry.states import is_busy
 from bpn_dashboard.registry.store import RunStore, WhyNot
 from bpn_dashboard.registry.versions import Refused
+from bpn_dashboard.registry.view import RegistryView
 from bpn_shared.bus import keys
 from bpn_shared.bus.liveliness import TokenWatch
 from bpn_shared.bus.requests import NoReplyError, RefusedError, Responder, request
@@ -74,13 +75,14 @@ class Dispatcher:
         self.stalls = Stalls()
         self._releases = Releases(bus, counters)
         self._probed_s: dict[str, float] = {}
+        self._advanced_unix_s: dict[str, float] = {}
         self._adopt_at_s = self._stalls_at_s = 0.0
         self._served_s, self._trouble = time.monotonic(), ""
         self._thread = threading.Thread(target=self._run, name="dispatcher", daemon=True)
 
     def start(self) -> None:
         """Begins; workers get leases once the tokens of those that work already have been told."""
-        self._store.subscribe(self._take_changes)
+        self._store.audience.subscribe(self._take_changes)
         self._take_changes(self._store.find(RunFilter(states=_NOT_OVER, archived=None)))
         self.desk.on_router(self._bus.router)
         self._watches = (
@@ -114,7 +116,7 @@ class Dispatcher:
 
     def close(self) -> None:
         """Ends the thread; workers go on with what they have."""
-        self._store.unsubscribe(self._take_changes)
+        self._store.audience.unsubscribe(self._take_changes)
         self._closed.set()
         self._news.set()
         if self._thread.is_alive():
@@ -133,6 +135,10 @@ class Dispatcher:
     def refused(self) -> list[Refused]:
         """The workers that ask for work and cannot be used."""
         return self.desk.refused()
+
+    def view(self) -> RegistryView:
+        """What is known beside the rows."""
+        return RegistryView(self.stalls.kinds(), self._advanced_unix_s, self.desk.vacancies())
 
     def _take_changes(self, rows: Sequence[RunRow]) -> None:
         with self._lock:
@@ -158,6 +164,9 @@ class Dispatcher:
         if now_s >= self._adopt_at_s:
             self._store.adopt()
             self._take_changes(self._store.changed_folders())
+            for run_id in self._rows.keys() - self._store.ids():  # removed
+                self._forget(run_id)
+            self._demand()
             self._adopt_at_s = now_s + ADOPT_S
         self.desk.on_router(self._bus.router)
         self._note_losses()
@@ -228,6 +237,9 @@ class Dispatcher:
 
     def _observe_stalls(self, now_s: float) -> None:
         self.stalls.read()
+        self._advanced_unix_s = {
+            run_id: observer.advanced_unix_s for run_id, observer in self._observers.items()
+        }
         # An owner whose token is gone may be frozen or cut off, and is spoken of as silent.
         owners = {observer.owner for observer in self._observers.values()}
         for worker in self.stalls.workers() - self.desk.alive() - owners:

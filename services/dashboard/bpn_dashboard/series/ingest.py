@@ -8,10 +8,11 @@ import math
 import os
 import threading
 import time
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from pathlib import Path
 
 from sqlalchemy import select
+from sqlalchemy.exc import OperationalError
 
 from bpn_dashboard.database.engine import Database
 from bpn_dashboard.database.series_tables import SourceRow
@@ -78,6 +79,24 @@ class Ingest:
                     self._take_in(row.id)
         except Exception as error:  # who follows tries again
             self._counters.fault("metrics_not_taken_in", "taking in metrics", error)
+
+    def forget(self, run_ids: Collection[str]) -> None:
+        """Of runs that are gone: one that comes back is read from its start."""
+        with self._lock:
+            for run_id in run_ids:
+                self._active.pop(run_id, None)
+                if self._read.pop(run_id, None) is not None:
+                    self._forget(run_id)
+
+    def _forget(self, run_id: str) -> None:
+        """What was stored while the run was removed."""
+        try:
+            with self._database.writing() as session:
+                store.forget(session, run_id)
+        except OperationalError as error:  # a full disk; it goes with the run's row
+            self._counters.fault(
+                "curves_not_removed", f"removing the curves of run {run_id}", error
+            )
 
     def _follow(self) -> None:
         while not self._stop.is_set():
