@@ -69,10 +69,10 @@ def router_certificate(endpoint: str) -> CertificateFacts | None:
     Args:
         endpoint: the router's, in Zenoh's form.
     """
-    match = _ENDPOINT.fullmatch(endpoint)
-    if match is None or match["protocol"] != "tls":
+    parts = network(endpoint)
+    if parts is None or parts.protocol != "tls":
         return None
-    return _peer((match["host"], int(match["port"])))
+    return _peer((parts.host, parts.port))
 
 
 def _network_obstacle(error: Exception, host: str, port: int) -> str:
