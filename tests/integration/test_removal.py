@@ -24,7 +24,7 @@ def test_a_run_is_removed_in_the_middle_and_goes_on_when_it_is_restored(
     given = {key: int(value) for key, value in vars(parser.parse_args(small)).items() if value}
     with running_pool(tmp_path / "runs") as pool:
         dashboard, trash = pool.dashboard, Trash(pool.runs_dir)
-        run = dashboard.create_run({"task": "reaching", **given})["id"]
+        run = dashboard.create_run({"task": "reaching", "seed": 5, **given})["id"]
         folder = pool.folder(run)
         wait_for(lambda: folder.episode_path(0, 1).exists(), "the middle", LONG_S)
         with pytest.raises(DashboardError, match="is running: stop it before removing it"):
@@ -38,7 +38,7 @@ def test_a_run_is_removed_in_the_middle_and_goes_on_when_it_is_restored(
             dashboard.resume(run)
 
         # One that workers are about to take, removed where no dashboard is asked.
-        queued = dashboard.create_run({"task": "reaching", **given})["id"]
+        queued = dashboard.create_run({"task": "reaching", "seed": 5, **given})["id"]
 
         def removed() -> bool:
             try:
