@@ -9,6 +9,7 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
+from uuid import UUID
 
 import httpx
 import pytest
@@ -19,9 +20,9 @@ from bpn.cli import main
 from bpn.dashboard import Dashboard
 from bpn_certificates.authority import Validity, issue, new_authority
 from bpn_dashboard.state_lock import ADDRESS_FILE
-from bpn_shared.config import RunConfig
 from bpn_shared.runs.folder import RunFolder
 from bpn_shared.runs.trash import Trash
+from bpn_shared.spec.config import RunConfig
 
 DEADLINE_S = 60.0
 
@@ -321,6 +322,30 @@ def test_a_damaged_database_is_one_line_with_the_remedy(tmp_path, wait_for, offs
 def test_a_router_that_needs_certificates_is_refused_at_once_without_them(tmp_path) -> None:
     options = ("--runs-dir", str(tmp_path), "--connect", "tls/127.0.0.1:7999")
     assert "needs certificates" in refused(*options, environment={"BPN_CERTIFICATES": ""})
+
+
+def test_a_second_dashboard_on_a_router_never_takes_a_run_not_even_in_its_first_moment(
+    tmp_path, wait_for, endpoint: str
+) -> None:
+    run, runs = {"config": {"task": "reaching"}}, tmp_path / "two"
+    with dashboard(tmp_path / "one", wait_for, "--connect", endpoint) as (first, one, _):
+        wait_for(lambda: one.get("/readyz").is_success, "the first to serve", DEADLINE_S)
+        folder = RunFolder.create(
+            runs, UUID("01a201f9-821b-74c6-95eb-3f4ab1331c4c"), RunConfig.for_task("reaching")
+        )
+        folder.write("about.json", b'{"desired_state": "running"}')
+        sentence = f"pid {first.pid}) serves this router: read-only"
+        with dashboard(runs, wait_for, "--connect", endpoint) as (_, two, _):
+            for _ in range(40):
+                answer = two.post("/api/v1/runs", json=run)
+                assert answer.status_code == 409
+                assert sentence in answer.json()["detail"]
+            assert two.get("/api/v1/runs").json()["total"] == 1
+
+            def waits_for() -> str:
+                return two.get(f"/api/v1/runs/{folder.run}").json()["waiting_reason"]
+
+            wait_for(lambda: sentence in waits_for(), "the reason at its own run", DEADLINE_S)
 
 
 def test_of_two_dashboards_on_a_router_the_second_is_read_only_until_the_first_is_gone(

@@ -10,8 +10,9 @@ from bpn_dashboard.database.engine import sqlite_url
 from bpn_dashboard.registry.retention import Rule
 from bpn_shared.bus.certificates import client_tls
 from bpn_shared.bus.session import DEFAULT_ENDPOINT
-from bpn_shared.config import ConfigError
 from bpn_shared.runs.trash import KEPT_DAYS
+from bpn_shared.spec.config import ConfigError
+from bpn_shared.version_option import add_version_option
 
 DEFAULT_PORT = 8000
 DATABASE_FILE = ".dashboard.sqlite"
@@ -23,6 +24,7 @@ def argument_parser() -> argparse.ArgumentParser:
         prog="bpn-dashboard",
         description="Runs, their registry, the live view and the web UI, in one process.",
     )
+    add_version_option(parser)
     parser.add_argument(
         "--runs-dir", type=Path, default=Path("runs"), help="where run folders are (default runs)"
     )

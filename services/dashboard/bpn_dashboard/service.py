@@ -25,6 +25,7 @@ from bpn_dashboard.access.tokens import LINK_S
 from bpn_dashboard.api.app import Application, create_app
 from bpn_dashboard.api.context import Context, identify
 from bpn_dashboard.api.problems import ApiError
+from bpn_dashboard.certificates import OwnCertificates
 from bpn_dashboard.database.engine import Database, DatabaseError
 from bpn_dashboard.hub.websocket import live_route
 from bpn_dashboard.live import Live, stay_joined
@@ -43,15 +44,11 @@ from bpn_dashboard.series.ingest import Ingest
 from bpn_dashboard.server import Server, listen
 from bpn_dashboard.state_lock import ADDRESS_FILE, state_lock
 from bpn_shared.bus.session import prepare_process
-from bpn_shared.config import ConfigError, RunConfig
+from bpn_shared.counters import Counters
 from bpn_shared.runs.files import write_atomically
 from bpn_shared.runs.trash import DAY_S, TRASH
-from bpn_shared.service import (
-    Counters,
-    end_with_supervisor,
-    set_up_logging,
-    stop_on_signals,
-)
+from bpn_shared.runtime.service import end_with_supervisor, set_up_logging, stop_on_signals
+from bpn_shared.spec.config import ConfigError, RunConfig
 
 log = logging.getLogger(__name__)
 
@@ -64,7 +61,8 @@ def build(
     """The application with all its parts; its lifespan starts and ends them."""
     counters, live = Counters(), Live()
     connections = listener.connections = Connections(counters)
-    runs = RunStore(database, options.runs_dir, read_only=live.read_only)
+    certificates = OwnCertificates(options.connect, options.certificate)
+    runs = RunStore(database, options.runs_dir, read_only=live.refusal)
     context = Context(
         database=database,
         runs=runs,
@@ -72,12 +70,16 @@ def build(
         counters=counters,
         place=ConnectedWorkers(lambda: live.bus, live.gpus),
         topology=live.topology.snapshot,
+        refusals=live.topology.refusals,
+        registry=live.registry,
+        certificates=certificates.current,
         obstacle=live.obstacle,
         read_only=live.read_only,
         refused=live.refused,
         secure=is_secure(options),
         open_metrics=options.open_metrics,
         connections=connections,
+        state_dir=state_dir(options),
         trash_kept_s=options.trash_days * DAY_S,
     )
 
@@ -91,6 +93,7 @@ def build(
         runs.audience.subscribe(live.publish)
         runs.audience.mourn(live.publish_gone)
         context.ingest.start()
+        certificates.start()
         joining = asyncio.create_task(stay_joined(options, context, live, stop))
         rule = retention(options)
         tidying = threading.Thread(
@@ -105,6 +108,7 @@ def build(
             await joining
             await asyncio.to_thread(tidying.join, _END_S)
             await asyncio.to_thread(context.ingest.close)
+            await asyncio.to_thread(certificates.close)
 
     def may_watch(connection: HTTPConnection) -> str | None:
         try:

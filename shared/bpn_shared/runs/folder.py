@@ -22,7 +22,7 @@ from pathlib import Path, PurePath
 from typing import Any, BinaryIO, Self
 from uuid import UUID
 
-from bpn_shared.config import ConfigError, RunConfig
+from bpn_shared.bnn.weights import Weights, decode_weights
 from bpn_shared.runs.config_file import (
     config_schema,
     config_writer,
@@ -36,9 +36,9 @@ from bpn_shared.runs.lines import RecordFile
 from bpn_shared.runs.lock import OwnershipLostError, RunOwnedError, is_locked, locked
 from bpn_shared.runs.opening import file_names, folder_names, is_run_id, open_file, read_file
 from bpn_shared.runs.ownership import Ownership
-from bpn_shared.runs.state import STATES, RunState, State, decode_state, encode_state
+from bpn_shared.runs.state import OVER, STATES, RunState, State, decode_state, encode_state
 from bpn_shared.runs.trash import Trash
-from bpn_shared.weights import Weights, decode_weights
+from bpn_shared.spec.config import ConfigError, RunConfig
 
 __all__ = [
     "STATES",
@@ -233,7 +233,7 @@ class RunFolder:
         """
         with self.owned(by, patience_s=0.0):
             found = self.state()
-            if found.state in ("finished", "failed", state):
+            if found.state in (*OVER, state):
                 return found
             try:
                 return self.set_state(state, error=error)

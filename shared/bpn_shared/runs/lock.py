@@ -16,8 +16,8 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
-from bpn_shared.config import ConfigError
 from bpn_shared.runs.opening import open_folder
+from bpn_shared.spec.config import ConfigError
 
 SILENT_S = 30.0
 _TOUCH_S = 3.0

@@ -25,10 +25,10 @@ from bpn_dashboard.registry.retention import Rule
 from bpn_dashboard.registry.store import RunStore
 from bpn_dashboard.registry.workplace import ConnectedWorkers
 from bpn_dashboard.series.ingest import Ingest
-from bpn_shared.config import ConfigError, RunConfig
+from bpn_shared.counters import Counters
 from bpn_shared.runs.folder import RunFolder
 from bpn_shared.runs.trash import DAY_S, Trash
-from bpn_shared.service import Counters
+from bpn_shared.spec.config import ConfigError, RunConfig
 
 CONFIG = RunConfig.for_task("reaching")
 

@@ -14,10 +14,10 @@ from disks import no_file_grows
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bpn_shared.config import ConfigError, RunConfig
 from bpn_shared.runs import lock
 from bpn_shared.runs.folder import OwnershipLostError, RunFolder, RunOwnedError, run_folders
 from bpn_shared.runs.trash import NotThereError, OccupiedError, Trash
+from bpn_shared.spec.config import ConfigError, RunConfig
 
 RUN = UUID(int=1)
 NAMES = st.from_regex(r"[a-z.][a-z0-9.]{0,8}", fullmatch=True).filter(lambda n: n.strip("."))
@@ -234,7 +234,7 @@ def test_on_a_disk_without_any_room(tmp_path: Path) -> None:
 import errno, sys
 from pathlib import Path
 from uuid import UUID
-from bpn_shared.config import RunConfig
+from bpn_shared.spec.config import RunConfig
 from bpn_shared.runs.folder import RunFolder
 from bpn_shared.runs.trash import Trash
 

@@ -17,11 +17,11 @@ from bpn_dashboard.registry.index import forget
 from bpn_dashboard.registry.query import RunFilter
 from bpn_dashboard.registry.retention import Rule, is_wanted
 from bpn_dashboard.registry.store import RunStore
-from bpn_shared.config import ConfigError
 from bpn_shared.errors import one_line
 from bpn_shared.runs.lock import RunOwnedError
 from bpn_shared.runs.opening import folder_names, is_run_id
 from bpn_shared.runs.trash import NotThereError, OccupiedError, Removed, Trash
+from bpn_shared.spec.config import ConfigError
 
 log = logging.getLogger(__name__)
 

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 from bpn_dashboard.database.tables import RunRow
 from bpn_dashboard.registry.states import is_busy
-from bpn_shared.config import ConfigError
 from bpn_shared.runs.trash import DAY_S
+from bpn_shared.spec.config import ConfigError
 
 KEEP = "keep"
 """Tag of runs that no rule takes away."""

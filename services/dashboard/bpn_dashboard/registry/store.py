@@ -37,11 +37,12 @@ from bpn_dashboard.registry.query import (
     find_page,
     states_of_sweeps,
 )
-from bpn_dashboard.registry.states import OVER, is_busy
+from bpn_dashboard.registry.states import is_busy
 from bpn_dashboard.registry.sweeps import expand
-from bpn_shared.config import RunConfig
 from bpn_shared.runs.creation import Workplace
 from bpn_shared.runs.folder import RunFolder
+from bpn_shared.runs.state import OVER
+from bpn_shared.spec.config import RunConfig
 
 WhyNot = Callable[[], str | None]
 
@@ -53,7 +54,7 @@ class RunStore:
 
     Args:
         runs_dir: where the run folders are.
-        read_only: why people may change nothing now; None: they may.
+        read_only: why people may change nothing now; None: they may. May wait until that is known.
 
     Attributes:
         audience: who hears of changes.
