@@ -18,9 +18,9 @@ from bpn.summary import summarize
 from bpn.supervisor import Supervisor
 from bpn_shared.bus.metrics import MetricsSubscriber
 from bpn_shared.bus.session import Bus
-from bpn_shared.config import RunConfig
 from bpn_shared.messages.metrics import MetricsBatch
 from bpn_shared.runs.folder import RunFolder
+from bpn_shared.spec.config import RunConfig
 
 WaitFor = Callable[..., None]
 CONFIG = RunConfig.for_task(

@@ -20,7 +20,7 @@ import pytest
 from pool import LONG_S, Pool, frozen, running_pool
 
 from bpn.dashboard import Dashboard, DashboardError
-from bpn_shared import keys
+from bpn_shared.bus import keys
 from bpn_shared.bus.requests import NoReplyError, RefusedError, request
 from bpn_shared.bus.session import Bus
 

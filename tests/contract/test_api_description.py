@@ -21,8 +21,8 @@ from bpn_dashboard.registry.store import RunStore
 from bpn_dashboard.series import store as series_store
 from bpn_dashboard.series.ingest import Ingest
 from bpn_dashboard.series.points import Points
-from bpn_shared.config import RunConfig
-from bpn_shared.service import Counters
+from bpn_shared.counters import Counters
+from bpn_shared.spec.config import RunConfig
 
 COMMITTED = Path(__file__).parents[2] / "services/dashboard/web/openapi.json"
 OPERATIONS = [

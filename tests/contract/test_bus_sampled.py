@@ -2,15 +2,16 @@ import threading
 import time
 from collections.abc import Callable
 
-from bpn_shared import keys
+from bpn_shared.bus import keys
 from bpn_shared.bus.liveliness import AliveToken, TokenWatch
 from bpn_shared.bus.sampled import SampledPublisher
 from bpn_shared.bus.session import Bus
 from bpn_shared.bus.telemetry import TelemetryPublisher, TelemetryWatch
 from bpn_shared.bus.watch import Watch
+from bpn_shared.counters import Counters
 from bpn_shared.messages.telemetry import Telemetry
-from bpn_shared.service import Counters, Waiting
-from bpn_shared.telemetry import Latencies, Reporter, WeightsMarks
+from bpn_shared.runtime.telemetry import Latencies, Reporter, WeightsMarks
+from bpn_shared.waiting import Waiting
 
 OpenBus = Callable[[], Bus]
 WaitFor = Callable[..., None]

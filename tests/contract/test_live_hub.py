@@ -11,16 +11,17 @@ from live_view import CAMERA, RUN, OpenBus, Robot, Server, Tab, WaitFor, first_f
 
 from bpn_dashboard.hub import topics
 from bpn_dashboard.hub.protocol import CREDIT
-from bpn_shared import keys
+from bpn_shared.bus import keys
 from bpn_shared.bus.latest import LatestPublisher
 from bpn_shared.bus.liveliness import AliveToken
 from bpn_shared.bus.metrics import MetricsPublisher
 from bpn_shared.bus.sampled import SampledPublisher
 from bpn_shared.bus.session import Bus
 from bpn_shared.bus.telemetry import TelemetryPublisher
+from bpn_shared.counters import Counters
 from bpn_shared.messages.decision import Decision
-from bpn_shared.service import Counters, Waiting
-from bpn_shared.telemetry import Latencies, Reporter, WeightsMarks
+from bpn_shared.runtime.telemetry import Latencies, Reporter, WeightsMarks
+from bpn_shared.waiting import Waiting
 
 
 def test_the_server_says_who_it_is_and_what_time(tab: Callable[..., Tab]) -> None:

@@ -16,15 +16,16 @@ from bpn_dashboard.registry.dispatcher import Dispatcher
 from bpn_dashboard.registry.election import Candidate
 from bpn_dashboard.registry.leases import Place
 from bpn_dashboard.registry.releases import Releases
-from bpn_shared import keys, leased, watchdog
+from bpn_shared.bus import keys
 from bpn_shared.bus.requests import RefusedError, Responder, request
 from bpn_shared.bus.session import Bus
-from bpn_shared.config import ConfigError, RunConfig
-from bpn_shared.leased import LeaseLoop
+from bpn_shared.counters import Counters
 from bpn_shared.messages.lease import GiveBack, LeaseRequest, Role
-from bpn_shared.service import Counters
+from bpn_shared.runtime import leased, watchdog
+from bpn_shared.runtime.leased import LeaseLoop
+from bpn_shared.runtime.worker import Worker, WorkerProcess
+from bpn_shared.spec.config import ConfigError, RunConfig
 from bpn_shared.version import PROTOCOL
-from bpn_shared.worker import Worker, WorkerProcess
 
 CONFIG = RunConfig.for_task("reaching", iterations=3)
 REASON = "cvi needs ONNX Runtime, which is not installed"

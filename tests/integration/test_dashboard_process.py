@@ -19,8 +19,8 @@ from bpn.cli import main
 from bpn.dashboard import Dashboard
 from bpn_certificates.authority import Validity, issue, new_authority
 from bpn_dashboard.state_lock import ADDRESS_FILE
-from bpn_shared.config import RunConfig
 from bpn_shared.runs.folder import RunFolder
+from bpn_shared.spec.config import RunConfig
 
 DEADLINE_S = 60.0
 

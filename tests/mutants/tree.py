@@ -14,8 +14,8 @@ from typing import Literal
 
 ROOT = Path(__file__).parents[2]
 PACKAGES = (
-    "shared", "services/edge", "services/learner", "services/robot_sim", "services/dashboard",
-    "deploy/certificates", "deploy/local",
+    "shared", "services/edge", "services/learner", "services/robot", "services/robot_sim", "services/dashboard",
+    "deploy/certificates", "bpn",
 )  # fmt: skip
 _LEFT_OUT = shutil.ignore_patterns(
     "node_modules", "__pycache__", ".hypothesis", "web", "build", "results", "*.png", "*.egg-info"

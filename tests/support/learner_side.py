@@ -7,16 +7,16 @@ from uuid import UUID
 
 import numpy as np
 
-from bpn_shared import keys
 from bpn_shared.bnn.blob import WeightBlob
+from bpn_shared.bus import keys
 from bpn_shared.bus.requests import Responder
 from bpn_shared.bus.session import Bus
 from bpn_shared.bus.weights import WeightsPublisher
-from bpn_shared.config import RunConfig
+from bpn_shared.counters import Counters
 from bpn_shared.messages.control import Assignment, EpisodeReceipt, Fault, FaultReceipt
 from bpn_shared.messages.episode import Episode
-from bpn_shared.seeds import episode_seed
-from bpn_shared.service import Counters
+from bpn_shared.spec.config import RunConfig
+from bpn_shared.spec.seeds import episode_seed
 
 RUN = UUID(int=21)
 DEADLINE_S = 30.0

@@ -8,13 +8,13 @@ from typing import Any
 from bpn_dashboard.database.tables import RunRow
 from bpn_dashboard.registry.dispatcher import Dispatcher
 from bpn_dashboard.registry.store import RunStore
-from bpn_shared import keys
+from bpn_shared.bus import keys
 from bpn_shared.bus.liveliness import AliveToken, Token
 from bpn_shared.bus.requests import Responder, request
 from bpn_shared.bus.session import Bus
+from bpn_shared.counters import Counters
 from bpn_shared.messages.lease import LeaseReply, LeaseRequest, Release, ReleaseReply, Role
 from bpn_shared.messages.telemetry import Telemetry
-from bpn_shared.service import Counters
 from bpn_shared.version import PROTOCOL
 
 WaitFor = Callable[..., None]

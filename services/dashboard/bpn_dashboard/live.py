@@ -20,8 +20,8 @@ from bpn_dashboard.registry.versions import Refused
 from bpn_dashboard.registry.view import RegistryView
 from bpn_shared.backoff import Backoff
 from bpn_shared.bus.session import Bus, BusError
-from bpn_shared.config import ConfigError
-from bpn_shared.service import new_worker_id
+from bpn_shared.runtime.service import new_worker_id
+from bpn_shared.spec.config import ConfigError
 
 log = logging.getLogger(__name__)
 

@@ -9,7 +9,7 @@ from bpn_dashboard.access.guard import is_loopback
 from bpn_dashboard.database.engine import sqlite_url
 from bpn_shared.bus.certificates import client_tls
 from bpn_shared.bus.session import DEFAULT_ENDPOINT
-from bpn_shared.config import ConfigError
+from bpn_shared.spec.config import ConfigError
 
 DEFAULT_PORT = 8000
 

@@ -42,14 +42,10 @@ from bpn_dashboard.series.ingest import Ingest
 from bpn_dashboard.server import Server, listen
 from bpn_dashboard.state_lock import ADDRESS_FILE, state_lock
 from bpn_shared.bus.session import prepare_process
-from bpn_shared.config import ConfigError, RunConfig
+from bpn_shared.counters import Counters
 from bpn_shared.runs.files import write_atomically
-from bpn_shared.service import (
-    Counters,
-    end_with_supervisor,
-    set_up_logging,
-    stop_on_signals,
-)
+from bpn_shared.runtime.service import end_with_supervisor, set_up_logging, stop_on_signals
+from bpn_shared.spec.config import ConfigError, RunConfig
 
 log = logging.getLogger(__name__)
 

@@ -2,13 +2,13 @@
 
 import time
 
-from bpn_shared import keys
+from bpn_shared.bnn.outputs import Outputs
+from bpn_shared.bus import keys
 from bpn_shared.bus.sampled import SampledPublisher
 from bpn_shared.messages.action import Action
 from bpn_shared.messages.control import Assignment
 from bpn_shared.messages.decision import Decision
-from bpn_shared.outputs import Outputs
-from bpn_shared.worker import Worker
+from bpn_shared.runtime.worker import Worker
 
 RATE_HZ = 20.0
 

@@ -15,15 +15,15 @@ from bpn_edge.memory import WeightMemory
 from bpn_edge.recorder import EpisodeRecorder
 from bpn_edge.robot_link import RobotLink
 from bpn_shared.bnn.blob import BlobError
-from bpn_shared.config import RunConfig
+from bpn_shared.bnn.outputs import Outputs
 from bpn_shared.messages.action import Action
 from bpn_shared.messages.control import Assignment, Reset
 from bpn_shared.messages.episode import Episode
 from bpn_shared.messages.frame import FrameHeader, FrameKind
-from bpn_shared.outputs import Outputs
-from bpn_shared.seeds import action_uniforms
-from bpn_shared.watchdog import STEPS_PLAYED
-from bpn_shared.worker import Worker
+from bpn_shared.runtime.watchdog import STEPS_PLAYED
+from bpn_shared.runtime.worker import Worker
+from bpn_shared.spec.config import RunConfig
+from bpn_shared.spec.seeds import action_uniforms
 
 log = logging.getLogger(__name__)
 

@@ -1,10 +1,10 @@
 """The edge's end of the two requests to its learner: what to play next, and here is an episode."""
 
-from bpn_shared import keys
 from bpn_shared.backoff import Backoff
+from bpn_shared.bus import keys
 from bpn_shared.messages.control import Assignment, EpisodeReceipt, NextEpisode
 from bpn_shared.messages.episode import Episode
-from bpn_shared.worker import Worker
+from bpn_shared.runtime.worker import Worker
 
 _DELIVER_TIMEOUT_S = 10.0
 _LATEST_AGAIN_S = 5.0

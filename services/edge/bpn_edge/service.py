@@ -9,13 +9,13 @@ from bpn_edge.learner_link import LearnerLink, Pace
 from bpn_edge.memory import WeightMemory
 from bpn_edge.policy import epsilon_greedy_action, softmax_action
 from bpn_edge.robot_link import RobotLink
+from bpn_shared.bnn.weights import Weights
 from bpn_shared.bus.weights import WeightsSubscriber
-from bpn_shared.config import RunConfig
-from bpn_shared.entry import run_slot_worker
-from bpn_shared.faults import FaultReporter
 from bpn_shared.messages.control import Assignment
-from bpn_shared.weights import Weights
-from bpn_shared.worker import EXIT_FINISHED, Worker
+from bpn_shared.runtime.entry import run_slot_worker
+from bpn_shared.runtime.faults import FaultReporter
+from bpn_shared.runtime.worker import EXIT_FINISHED, Worker
+from bpn_shared.spec.config import RunConfig
 
 log = logging.getLogger(__name__)
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from torch.utils.tensorboard import SummaryWriter
 
-from bpn_shared.config import RunConfig
+from bpn_shared.spec.config import RunConfig
 
 
 class EventWriter:

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from bpn_learner.episodes import EpisodeError, Scored, load_episodes, score
 from bpn_learner.refusals import Refusals
 from bpn_learner.storage import StorageError, trouble
-from bpn_shared.config import RunConfig
+from bpn_shared.counters import Counters
 from bpn_shared.messages.base import MessageError, OtherVersionError
 from bpn_shared.messages.control import (
     Assignment,
@@ -27,8 +27,9 @@ from bpn_shared.messages.control import (
 from bpn_shared.messages.episode import Episode, EpisodeMeta, decode_meta
 from bpn_shared.runs.lock import OwnershipLostError
 from bpn_shared.runs.ownership import Ownership
-from bpn_shared.seeds import episode_seed
-from bpn_shared.service import Counters, Waiting
+from bpn_shared.spec.config import RunConfig
+from bpn_shared.spec.seeds import episode_seed
+from bpn_shared.waiting import Waiting
 
 log = logging.getLogger(__name__)
 

@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from bpn_robot_sim.opengl import RenderingError, mujoco
-from bpn_shared.bnn.spec import IMAGE_SIZE_PX
+from bpn_shared.spec.network import IMAGE_SIZE_PX
 
 __all__ = ["Camera", "Frame", "RenderingError", "backend"]
 

@@ -13,10 +13,11 @@ from uuid import UUID
 
 import zenoh
 
-from bpn_shared import keys, log_lines
+from bpn_shared.bus import keys
 from bpn_shared.bus.declared import Declared
 from bpn_shared.bus.session import Bus
 from bpn_shared.errors import one_line
+from bpn_shared.messages import log_lines
 
 log = logging.getLogger(__name__)
 

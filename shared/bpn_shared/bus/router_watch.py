@@ -12,7 +12,8 @@ from bpn_shared.bus.obstacle import obstacle
 from bpn_shared.bus.renewal import CertificateWatch
 from bpn_shared.bus.session import Bus, BusError
 from bpn_shared.bus.x509 import Life
-from bpn_shared.service import Counters, Waiting
+from bpn_shared.counters import Counters
+from bpn_shared.waiting import Waiting
 
 log = logging.getLogger(__name__)
 

@@ -6,12 +6,12 @@ from collections.abc import Callable
 
 import zenoh
 
-from bpn_shared import keys
+from bpn_shared.bus import keys
 from bpn_shared.bus.session import Bus
 from bpn_shared.bus.watch import Watch
+from bpn_shared.counters import Counters
 from bpn_shared.messages.base import MessageError
 from bpn_shared.messages.telemetry import Telemetry
-from bpn_shared.service import Counters
 
 log = logging.getLogger(__name__)
 

@@ -4,8 +4,8 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from bpn_shared.config import Policy
 from bpn_shared.messages.base import ULONG, Message
+from bpn_shared.spec.config import Policy
 
 Count = Annotated[int, Field(ge=0, lt=2**32)]
 Seed = Annotated[int, Field(ge=0, lt=ULONG)]

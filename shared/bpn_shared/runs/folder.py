@@ -22,7 +22,7 @@ from pathlib import Path, PurePath
 from typing import Any, BinaryIO, Self
 from uuid import UUID
 
-from bpn_shared.config import ConfigError, RunConfig
+from bpn_shared.bnn.weights import Weights, decode_weights
 from bpn_shared.runs.config_file import (
     config_schema,
     config_writer,
@@ -37,7 +37,7 @@ from bpn_shared.runs.lock import OwnershipLostError, RunOwnedError, is_locked, l
 from bpn_shared.runs.opening import file_names, folder_names, open_file, read_file
 from bpn_shared.runs.ownership import Ownership
 from bpn_shared.runs.state import STATES, RunState, State, decode_state, encode_state
-from bpn_shared.weights import Weights, decode_weights
+from bpn_shared.spec.config import ConfigError, RunConfig
 
 __all__ = [
     "STATES",

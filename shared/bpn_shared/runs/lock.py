@@ -15,7 +15,7 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
-from bpn_shared.config import ConfigError
+from bpn_shared.spec.config import ConfigError
 
 SILENT_S = 30.0
 _TOUCH_S = 3.0

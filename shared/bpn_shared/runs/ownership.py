@@ -12,10 +12,10 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from bpn_shared.bnn.weights import Weights
 from bpn_shared.runs.files import remove_unfinished, shut_out_appenders, write_atomically
 from bpn_shared.runs.lock import OwnershipLostError
 from bpn_shared.runs.state import RunState, State
-from bpn_shared.weights import Weights
 
 if TYPE_CHECKING:
     from bpn_shared.runs.folder import RunFolder

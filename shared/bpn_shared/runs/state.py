@@ -4,8 +4,8 @@ from typing import Annotated, Literal, get_args
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from bpn_shared.config import ConfigError
 from bpn_shared.runs.digests import DamagedError, seal, unseal
+from bpn_shared.spec.config import ConfigError
 
 SCHEMA = 2
 

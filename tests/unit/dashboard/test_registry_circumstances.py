@@ -7,9 +7,9 @@ from bpn_dashboard.registry.leases import Demand, LeaseBook, Place
 from bpn_dashboard.registry.setbacks import GiveBack, Setbacks
 from bpn_dashboard.registry.versions import FORGET_S, Refusals, Refused, why_refused
 from bpn_shared.messages.lease import LeaseRequest
-from bpn_shared.service import new_worker_id
+from bpn_shared.runtime.service import new_worker_id
+from bpn_shared.runtime.watchdog import Circumstances
 from bpn_shared.version import PROTOCOL, VERSION
-from bpn_shared.watchdog import Circumstances
 
 A = UUID(int=1)
 

@@ -14,8 +14,8 @@ from bpn_dashboard.registry.progress import Progress
 from bpn_dashboard.registry.query import RunFilter
 from bpn_dashboard.registry.store import RunStore
 from bpn_dashboard.registry.workplace import ConnectedWorkers
-from bpn_shared.config import RunConfig
 from bpn_shared.runs.folder import RunFolder
+from bpn_shared.spec.config import RunConfig
 
 CONFIG = RunConfig.for_task("reaching", seed=3, nodes=24)
 

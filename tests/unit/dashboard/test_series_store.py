@@ -16,7 +16,7 @@ from bpn_dashboard.series.ingest import Ingest
 from bpn_dashboard.series.lines import parse_lines
 from bpn_dashboard.series.points import Points
 from bpn_dashboard.series.query import Series, SeriesQueries, View
-from bpn_shared.service import Counters
+from bpn_shared.counters import Counters
 
 RUN = "01a201f9-821b-74c6-95eb-3f4ab1331c4c"
 

@@ -12,7 +12,7 @@ from bpn_certificates.authority import Identity, Validity, issue, new_authority
 from bpn_dashboard import server
 from bpn_dashboard.access.connections import Connections
 from bpn_dashboard.server import Server, listen
-from bpn_shared.service import Counters
+from bpn_shared.counters import Counters
 
 MISMATCH = "key values mismatch"
 DAY = Validity.of_days(1)

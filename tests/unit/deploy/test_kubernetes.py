@@ -12,7 +12,7 @@ import pytest
 import yaml
 
 from bpn_certificates.folders import make
-from bpn_shared.access import ROLES
+from bpn_shared.bus.access import ROLES
 from bpn_shared.bus.certificates import AUTHORITY, CERTIFICATE, KEY
 
 FOLDER = Path(__file__).parents[3] / "deploy" / "kubernetes"

@@ -10,6 +10,8 @@ from gymnasium.spaces import Box, Dict, Discrete
 from hypothesis import given
 from hypothesis import strategies as st
 
+from bpn_robot.frame import is_flat
+from bpn_robot.robot import RobotFault
 from bpn_robot_sim.environment import GymEnvironment
 from bpn_robot_sim.pictures import (
     ObservedPictures,
@@ -19,10 +21,9 @@ from bpn_robot_sim.pictures import (
     why_blind,
 )
 from bpn_robot_sim.probe import probe_environment
-from bpn_robot_sim.rendering import is_flat
-from bpn_robot_sim.robot import RobotFault, robot_for
-from bpn_shared.config import ConfigError, RunConfig
+from bpn_robot_sim.robots import robot_for
 from bpn_shared.messages.probe import ProbeRequest
+from bpn_shared.spec.config import ConfigError, RunConfig
 
 SHAPE = (30, 40, 3)
 LEVELS = Box(0, 255, SHAPE, np.uint8)

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bpn_shared.bnn.blob import BlobError, WeightBlob, encoded_size
-from bpn_shared.bnn.spec import NetworkSpec
+from bpn_shared.spec.network import NetworkSpec
 
 specs = st.builds(
     NetworkSpec,

@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bpn_shared.messages.telemetry import Telemetry
-from bpn_shared.watchdog import (
+from bpn_shared.runtime.watchdog import (
     CAUSE_KINDS,
     SILENT_AFTER_S,
     STALLED_AFTER_S,

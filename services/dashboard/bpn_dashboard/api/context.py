@@ -23,8 +23,8 @@ from bpn_dashboard.registry.view import RegistryView
 from bpn_dashboard.registry.workplace import ConnectedWorkers
 from bpn_dashboard.series.ingest import Ingest
 from bpn_dashboard.series.query import SeriesQueries
+from bpn_shared.counters import Counters
 from bpn_shared.runs.creation import Workplace
-from bpn_shared.service import Counters
 
 COOKIE = "bpn_session"
 """How the name of the session cookie begins."""

@@ -7,7 +7,7 @@ from pydantic import AfterValidator, BaseModel, Field
 from bpn_dashboard.api.configs import Request, RunChanges, SweepGrid, differ
 from bpn_dashboard.database.tables import RunRow, SweepRow
 from bpn_shared.runs.folder import State
-from bpn_shared.tasks import RETURN_PX, return_metric
+from bpn_shared.spec.tasks import RETURN_PX, return_metric
 
 MAX_IDS = 1000
 

@@ -21,9 +21,9 @@ from bpn_dashboard.api.models import (
     RunPatch,
 )
 from bpn_dashboard.api.problems import EXPECTED_ERRORS, ApiError, Problem, problem_of, responses
-from bpn_shared.config import PRESETS, RunConfig, preset_of
 from bpn_shared.runs.creation import configure
-from bpn_shared.tasks import GYM_PREFIX, TASKS, Task
+from bpn_shared.spec.config import PRESETS, RunConfig, preset_of
+from bpn_shared.spec.tasks import GYM_PREFIX, TASKS, Task
 
 router = APIRouter(tags=["runs"])
 

@@ -12,10 +12,10 @@ from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 
 from bpn_dashboard.database.tables import RunRow, SweepRow
 from bpn_dashboard.registry.states import DesiredState
-from bpn_shared.config import ConfigError
 from bpn_shared.runs.files import write_atomically
 from bpn_shared.runs.folder import RunFolder
 from bpn_shared.runs.opening import read_file
+from bpn_shared.spec.config import ConfigError
 
 _FILE = "about.json"
 SWEEPS = "sweeps"

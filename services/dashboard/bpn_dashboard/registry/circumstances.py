@@ -8,7 +8,7 @@ from uuid import UUID
 from bpn_dashboard.registry.leases import LeaseBook, Place
 from bpn_dashboard.registry.setbacks import Setbacks
 from bpn_dashboard.registry.versions import Refused
-from bpn_shared.watchdog import Circumstances
+from bpn_shared.runtime.watchdog import Circumstances
 
 _MANY = 10
 

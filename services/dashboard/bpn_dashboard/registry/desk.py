@@ -19,12 +19,12 @@ from bpn_dashboard.registry.leases import Demand, LeaseBook, Place
 from bpn_dashboard.registry.losses import Loss, Losses
 from bpn_dashboard.registry.setbacks import GiveBack, Setbacks
 from bpn_dashboard.registry.versions import Refusals, Refused, why_refused
-from bpn_shared import keys
+from bpn_shared.bus import keys
 from bpn_shared.bus.requests import RefusedError
+from bpn_shared.counters import Counters
 from bpn_shared.messages.lease import LeaseReply, LeaseRequest, Role
 from bpn_shared.runs.folder import RunFolder
-from bpn_shared.service import Counters
-from bpn_shared.watchdog import Circumstances
+from bpn_shared.runtime.watchdog import Circumstances
 
 log = logging.getLogger(__name__)
 

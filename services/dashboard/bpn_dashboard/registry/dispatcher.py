@@ -18,16 +18,17 @@ from bpn_dashboard.registry.observer import Observer
 from bpn_dashboard.registry.query import RunFilter
 from bpn_dashboard.registry.releases import Releases
 from bpn_dashboard.registry.stalls import Stalls
-from bpn_dashboard.registry.states import OVER, is_busy
+from bpn_dashboard.registry.states import is_busy
 from bpn_dashboard.registry.store import RunStore
 from bpn_dashboard.registry.versions import Refused
 from bpn_dashboard.registry.view import RegistryView
-from bpn_shared import keys
+from bpn_shared.bus import keys
 from bpn_shared.bus.liveliness import TokenWatch
 from bpn_shared.bus.requests import NoReplyError, RefusedError, Responder, request
 from bpn_shared.bus.session import Bus
 from bpn_shared.bus.telemetry import TelemetryWatch
-from bpn_shared.service import Counters
+from bpn_shared.counters import Counters
+from bpn_shared.runs.state import OVER
 
 log = logging.getLogger(__name__)
 

@@ -13,7 +13,7 @@ import time
 from collections.abc import Callable
 from typing import NamedTuple
 
-from bpn_shared import keys
+from bpn_shared.bus import keys
 from bpn_shared.bus.liveliness import Token, TokenWatch
 from bpn_shared.bus.session import Bus
 

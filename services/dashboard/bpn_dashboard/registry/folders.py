@@ -13,8 +13,8 @@ from bpn_dashboard.database.tables import RunRow
 from bpn_dashboard.registry.about import About
 from bpn_dashboard.registry.progress import Progress
 from bpn_dashboard.registry.states import observed
-from bpn_shared.config import ConfigError
 from bpn_shared.runs.folder import RunFolder, is_run_id
+from bpn_shared.spec.config import ConfigError
 
 _FILES = ("config.json", "state.json", "about.json")
 _NEEDED: dict[str, tuple[type, int]] = {

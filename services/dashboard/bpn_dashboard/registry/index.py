@@ -17,9 +17,9 @@ from bpn_dashboard.database.engine import Database
 from bpn_dashboard.database.tables import RunRow, SweepRow
 from bpn_dashboard.registry.about import SWEEPS, SweepFile
 from bpn_dashboard.registry.folders import Signature, candidates, row_of, signature, why_none
-from bpn_shared.config import ConfigError
 from bpn_shared.runs.folder import RunFolder
 from bpn_shared.runs.opening import file_names
+from bpn_shared.spec.config import ConfigError
 
 log = logging.getLogger(__name__)
 

@@ -14,7 +14,7 @@ from sqlalchemy.orm import InstrumentedAttribute, Session
 
 from bpn_dashboard.database.tables import RunRow
 from bpn_dashboard.registry.errors import FilterError
-from bpn_shared.config import RunConfig
+from bpn_shared.spec.config import RunConfig
 
 SORT_KEYS: dict[str, InstrumentedAttribute[Any]] = {
     column.key: column

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from concurrent.futures import Future, ThreadPoolExecutor
 
 from bpn_dashboard.registry.leases import Place
-from bpn_shared import keys
+from bpn_shared.bus import keys
 from bpn_shared.bus.requests import NoReplyError, RefusedError, request
 from bpn_shared.bus.session import Bus
 from bpn_shared.messages.lease import Release

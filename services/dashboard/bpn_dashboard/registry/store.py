@@ -29,11 +29,12 @@ from bpn_dashboard.registry.folders import row_of
 from bpn_dashboard.registry.index import Index
 from bpn_dashboard.registry.observations import Changes, Observations, apply
 from bpn_dashboard.registry.query import Cursor, Page, RunFilter, conditions, find_page
-from bpn_dashboard.registry.states import OVER, is_busy
+from bpn_dashboard.registry.states import is_busy
 from bpn_dashboard.registry.sweeps import expand
-from bpn_shared.config import RunConfig
 from bpn_shared.runs.creation import Workplace
 from bpn_shared.runs.folder import RunFolder
+from bpn_shared.runs.state import OVER
+from bpn_shared.spec.config import RunConfig
 
 WhyNot = Callable[[], str | None]
 

@@ -4,7 +4,7 @@ import logging
 from typing import NamedTuple
 
 from bpn_shared.messages.lease import LeaseRequest
-from bpn_shared.service import protocol_of
+from bpn_shared.runtime.service import protocol_of
 from bpn_shared.version import PROTOCOL, VERSION
 
 log = logging.getLogger(__name__)

@@ -19,8 +19,8 @@ from bpn_dashboard.database.series_tables import SourceRow
 from bpn_dashboard.database.tables import RunRow
 from bpn_dashboard.series import store
 from bpn_dashboard.series.lines import parse_lines
+from bpn_shared.counters import Counters
 from bpn_shared.runs.tail import Growth, Position, read_on
-from bpn_shared.service import Counters
 
 log = logging.getLogger(__name__)
 

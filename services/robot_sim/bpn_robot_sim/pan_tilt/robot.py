@@ -4,14 +4,15 @@ from math import degrees, radians
 
 import numpy as np
 
+from bpn_robot.frame import Frame
+from bpn_robot.robot import Info, check_action
 from bpn_robot_sim.pan_tilt import backdrop, geometry, scene
 from bpn_robot_sim.pan_tilt.geometry import Angles
 from bpn_robot_sim.physics import Physics
-from bpn_robot_sim.rendering import Camera, Frame
-from bpn_robot_sim.robot import Info, check_action
-from bpn_shared.framing import BORDER_PX, in_frame, reward_px
-from bpn_shared.markers import PAN_TILT_MARKER
-from bpn_shared.tasks import TASKS, Task
+from bpn_robot_sim.rendering import Camera
+from bpn_shared.spec.framing import BORDER_PX, in_frame, reward_px
+from bpn_shared.spec.markers import PAN_TILT_MARKER
+from bpn_shared.spec.tasks import TASKS, Task
 
 
 class PanTiltRobot:

@@ -2,11 +2,12 @@
 
 from math import degrees, dist, radians
 
+from bpn_robot.frame import Frame
+from bpn_robot.robot import Info, check_action
 from bpn_robot_sim.physics import Physics
 from bpn_robot_sim.reaching import geometry, scene
-from bpn_robot_sim.rendering import Camera, Frame
-from bpn_robot_sim.robot import Info, check_action
-from bpn_shared.tasks import TASKS, Task
+from bpn_robot_sim.rendering import Camera
+from bpn_shared.spec.tasks import TASKS, Task
 
 SETTLED_DEG = 0.05
 SETTLED_DEG_PER_S = 1.0

@@ -2,12 +2,13 @@
 
 import numpy as np
 
+from bpn_robot.frame import Frame
+from bpn_robot.robot import Info, check_action
 from bpn_robot_sim.physics import Physics
-from bpn_robot_sim.rendering import Camera, Frame
-from bpn_robot_sim.robot import Info, check_action
+from bpn_robot_sim.rendering import Camera
 from bpn_robot_sim.tracking import geometry, scene
-from bpn_shared.framing import in_frame, reward_px
-from bpn_shared.tasks import TASKS, Task
+from bpn_shared.spec.framing import in_frame, reward_px
+from bpn_shared.spec.tasks import TASKS, Task
 
 
 class TrackingRobot:
