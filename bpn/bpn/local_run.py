@@ -3,7 +3,6 @@
 import contextlib
 import logging
 import secrets
-import sys
 import tempfile
 import threading
 import time
@@ -15,10 +14,10 @@ from uuid import UUID
 
 import uuid_utils
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from bpn.dashboard import Dashboard, DashboardAwayError
 from bpn.errors import CommandError
+from bpn.progress import bars
 from bpn.stall_notice import LocalStalls, StallNotice
 from bpn.supervisor import Supervisor, services_of_run
 from bpn_shared.bus.metrics import MetricsSubscriber
@@ -27,7 +26,8 @@ from bpn_shared.bus.telemetry import TelemetryWatch
 from bpn_shared.counters import Counters
 from bpn_shared.errors import InputError
 from bpn_shared.messages.metrics import MetricsBatch
-from bpn_shared.runs.folder import RunFolder, RunOwnedError, State
+from bpn_shared.runs.folder import RunFolder, RunOwnedError
+from bpn_shared.runs.state import ENDED, State
 from bpn_shared.spec.config import ConfigError, RunConfig
 
 log = logging.getLogger(__name__)
@@ -164,7 +164,7 @@ def _wait_until_over(
             if stopped_s is not None or time.monotonic() - answered_s > _AWAY_S:
                 raise RunFailedError(f"{error}; the run goes on where it has workers") from error
             state = "running"
-        if state in ("finished", "failed", "stopped"):
+        if state in ENDED:
             return
         if stopped_s is None:
             stop.wait(_POLL_S)
@@ -219,15 +219,7 @@ class _Display:
     def __init__(self, folder: RunFolder, config: RunConfig, out: Console) -> None:
         self._folder, self._config, self._out = folder, config, out
         self.shown = len(folder.metrics())
-        self.progress = Progress(
-            TextColumn("{task.description}"),
-            BarColumn(),
-            MofNCompleteColumn(),
-            TimeRemainingColumn(),
-            console=Console(stderr=True),
-            transient=True,
-            disable=not sys.stderr.isatty(),
-        )
+        self.progress = bars()
         self._iterations = self.progress.add_task(
             "iterations", total=config.iterations, completed=self.shown
         )

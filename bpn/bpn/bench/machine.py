@@ -11,7 +11,7 @@ from typing import Any
 import psutil
 
 _PACKAGES = (
-    "bpn", "bpn-shared", "bpn-edge", "bpn-learner", "bpn-robot-sim", "eclipse-zenoh", "numpy",
+    "bpn", "bpn-shared", "bpn-edge", "bpn-learner", "bpn-robot", "bpn-robot-sim", "eclipse-zenoh", "numpy",
     "torch", "mujoco", "gymnasium", "onnxruntime", "opencv-python-headless", "pydantic", "msgpack",
     "safetensors",
 )  # fmt: skip

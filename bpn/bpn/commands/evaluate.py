@@ -12,11 +12,11 @@ from rich.console import Console
 from bpn import optional
 from bpn.errors import CommandError
 from bpn.evaluation.outcome import distinct_trials, outcome, summarize
-from bpn.evaluation.progress import trials_bar
 from bpn.evaluation.shown import shown
 from bpn.evaluation.trials import PlayedPolicy, Trials, play
 from bpn.options import add_runs_dir
 from bpn.outputs import check_output
+from bpn.progress import bar
 from bpn.this_machine import ThisMachine
 from bpn_shared.bnn.weights import Weights, decode_weights
 from bpn_shared.errors import InputError
@@ -67,7 +67,7 @@ def run(options: argparse.Namespace) -> int:
     video, plot = _media(options, config.task)
     ThisMachine().check_playing(config)
     stop = stop_on_signals()
-    with trials_bar(trials.count) as on_progress:
+    with bar("trials", trials.count) as on_progress:
         episodes = play(folder, weights, trials, stop, on_progress)
     if stop.is_set():
         return 130

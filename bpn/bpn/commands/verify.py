@@ -2,17 +2,15 @@
 
 import argparse
 import json
-import sys
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from typing import Any
 
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 
 from bpn.options import add_runs_dir
+from bpn.progress import bar
 from bpn.verify.findings import CHECKS, Findings
-from bpn.verify.verification import OnEpoch, Verification, what_is_trusted
+from bpn.verify.verification import Verification, what_is_trusted
 from bpn_shared.runs.folder import RunFolder
 
 _SHOWN = 3
@@ -33,7 +31,7 @@ def add_options(parser: argparse.ArgumentParser, _arguments: Sequence[str]) -> N
 def run(options: argparse.Namespace) -> int:
     """Exit status 0 if all agrees, 1 if something differs."""
     folder = RunFolder.open(options.runs_dir, options.run_id)
-    with _bar() as on_epoch:
+    with bar("epochs trained again") as on_epoch:
         verification = Verification(folder, elsewhere=options.elsewhere, on_epoch=on_epoch)
         findings = verification.run()
     if options.json:
@@ -41,23 +39,6 @@ def run(options: argparse.Namespace) -> int:
     else:
         _show(verification, findings)
     return 0 if findings.agrees else 1
-
-
-@contextmanager
-def _bar() -> Iterator[OnEpoch]:
-    progress = Progress(
-        TextColumn("epochs trained again"),
-        BarColumn(),
-        TaskProgressColumn(),
-        TextColumn("left"),
-        TimeRemainingColumn(),
-        console=Console(stderr=True),
-        transient=True,
-        disable=not sys.stderr.isatty(),
-    )
-    task = progress.add_task("epochs", total=None)
-    with progress:
-        yield lambda done, total: progress.update(task, completed=done, total=total)
 
 
 def _as_json(verification: Verification, findings: Findings) -> dict[str, Any]:

@@ -3,26 +3,17 @@
 Whatever interrupts it, the same call goes on: finished runs and trials are recalled, stopped runs resumed.
 """
 
-import sys
 import threading
 from collections.abc import Callable, Collection, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor, wait
 from contextlib import contextmanager
 from pathlib import Path
 
-from rich.console import Console
-from rich.progress import (
-    BarColumn,
-    MofNCompleteColumn,
-    Progress,
-    TaskID,
-    TextColumn,
-    TimeRemainingColumn,
-)
+from rich.progress import Progress, TaskID
 
-from bpn.evaluation.progress import trials_bar
 from bpn.evaluation.trials import Trials, play
 from bpn.local_run import RunFailedError, private_endpoint, run_to_end
+from bpn.progress import bar, bars
 from bpn.reproduce.definition import StoppedError
 from bpn.reproduce.manifest import Manifest, config_hash, digest
 from bpn.reproduce.record import headline
@@ -33,6 +24,8 @@ from bpn_shared.runs.folder import RunFolder
 from bpn_shared.spec.config import RunConfig
 
 _LOOK_S = 0.5
+_ESTIMATE_S = 600.0
+"""An iteration takes seconds."""
 
 
 class Campaign:
@@ -64,10 +57,14 @@ class Campaign:
         if finished:
             self._say(f"{finished} of {len(folders)} runs are there already")
         failures: list[str] = []
-        with _progress() as progress, ThreadPoolExecutor(self._jobs) as pool, self._all_or_none():
-            bar = _Bar(progress, folders)
+        with (
+            bars(speed_estimate_s=_ESTIMATE_S) as progress,
+            ThreadPoolExecutor(self._jobs) as pool,
+            self._all_or_none(),
+        ):
+            shown = _AllRuns(progress, folders)
             runs = {pool.submit(self._run, folder): folder for folder in missing}
-            for ended in _as_they_end(runs, bar):
+            for ended in _as_they_end(runs, shown):
                 try:
                     ended.result()
                 except RunFailedError as error:
@@ -114,7 +111,7 @@ class Campaign:
         kept = self._runs_dir / "trials" / name
         episodes = _recall(kept, config, trials.count)
         if episodes is None:
-            with trials_bar(trials.count) as on_progress:
+            with bar("trials", trials.count) as on_progress:
                 episodes = play(folder, weights, trials, self._stop, on_progress)
             if self._stop.is_set():
                 raise StoppedError("trials were being played")
@@ -124,11 +121,11 @@ class Campaign:
         return episodes
 
 
-def _as_they_end(runs: Collection[Future[None]], bar: "_Bar") -> Iterator[Future[None]]:
+def _as_they_end(runs: Collection[Future[None]], shown: "_AllRuns") -> Iterator[Future[None]]:
     waiting = set(runs)
     while waiting:
         ended, waiting = wait(waiting, timeout=_LOOK_S)
-        bar.update()
+        shown.update()
         yield from ended
 
 
@@ -146,21 +143,7 @@ def _trial_path(kept: Path, trial: int) -> Path:
     return kept / f"{trial:05d}.bpne"
 
 
-def _progress() -> Progress:
-    return Progress(
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TextColumn("left"),
-        TimeRemainingColumn(),
-        console=Console(stderr=True),
-        transient=True,
-        disable=not sys.stderr.isatty(),
-        speed_estimate_period=600,  # an iteration takes seconds
-    )
-
-
-class _Bar:
+class _AllRuns:
     """Counts iterations, of which every run of a target has about equally long ones."""
 
     def __init__(self, progress: Progress, folders: Sequence[RunFolder]) -> None:

@@ -1,6 +1,6 @@
-"""`bpn-robot-sim`: one simulated robot with its camera. Actions in, frames out.
+"""One robot with its camera. Actions in, frames out.
 
-Lockstep: the simulation waits for the action of each frame, repeating the frame while none comes. Realtime:
+Lockstep: the robot waits for the action of each frame, repeating the frame while none comes. Realtime:
 it ticks at the control period whatever comes; without an action in time the robot holds. There an action may
 be given a delay, as a slower network or processor would: it then acts that much after it arrived.
 """
@@ -14,8 +14,6 @@ from dataclasses import dataclass
 
 from bpn_robot.frame import is_flat
 from bpn_robot.robot import Robot, RobotFault
-from bpn_robot_sim.probe import answer
-from bpn_robot_sim.robots import robot_for
 from bpn_shared.bus import keys
 from bpn_shared.bus.latest import LatestPublisher, LatestSubscriber, Sample
 from bpn_shared.bus.requests import Responder
@@ -25,10 +23,10 @@ from bpn_shared.messages.base import MessageError
 from bpn_shared.messages.control import Reset, ResetReply
 from bpn_shared.messages.frame import NO_ACTION, NO_REWARD, FrameHeader, FrameKind
 from bpn_shared.messages.preview import PreviewHeader
-from bpn_shared.runtime.entry import run_slot_worker
 from bpn_shared.runtime.faults import FaultReporter
 from bpn_shared.runtime.worker import EXIT_FINISHED, Worker
 from bpn_shared.spec.config import RunConfig
+from bpn_shared.spec.tasks import Task
 
 log = logging.getLogger(__name__)
 
@@ -60,7 +58,11 @@ class RobotService:
         """Realtime: arrived, and yet to act."""
         self._frames = LatestPublisher(worker.bus, keys.frame(worker.run, worker.slot), "frame")
         self._previews = SampledPublisher(
-            worker.bus, keys.preview(worker.run, worker.slot), _PREVIEW_HZ, _preview
+            worker.bus,
+            keys.preview(worker.run, worker.slot),
+            _PREVIEW_HZ,
+            _preview,
+            worker.counters,
         )
         self._seen: deque[bytes] = deque(maxlen=self._task.frames_stacked)
         self._actions = LatestSubscriber(worker.bus, keys.action(worker.run, worker.slot))
@@ -273,9 +275,9 @@ def _preview(item: tuple[FrameHeader, tuple[bytes, ...]]) -> tuple[bytes, bytes]
     return b"".join(frames), preview.encode()
 
 
-def serve(worker: Worker, config: RunConfig) -> int:
-    """Runs the robot until the worker is stopped."""
-    robot = robot_for(config.task_spec)
+def serve(worker: Worker, config: RunConfig, make_robot: Callable[[Task], Robot]) -> int:
+    """Makes the robot of the run's task, and plays it until the worker is stopped."""
+    robot = make_robot(config.task_spec)
     service = RobotService(worker, config, robot)
     try:
         service.run()
@@ -283,8 +285,3 @@ def serve(worker: Worker, config: RunConfig) -> int:
         service.close()
         robot.close()
     return EXIT_FINISHED
-
-
-def main(argv: list[str] | None = None) -> int:
-    """The robot service."""
-    return run_slot_worker("robot_sim", __doc__, serve, argv, {keys.probe(): answer})

@@ -11,6 +11,10 @@ SCHEMA = 2
 
 State = Literal["queued", "running", "stopping", "finished", "failed", "stopped", "lost"]
 STATES: tuple[State, ...] = get_args(State)
+OVER: tuple[State, ...] = ("finished", "failed")
+"""What stands, until somebody wants the run again."""
+ENDED: tuple[State, ...] = (*OVER, "stopped")
+"""What a learner says last."""
 
 _REMEDY = "remove the file to let the run go on as its next attempt"
 

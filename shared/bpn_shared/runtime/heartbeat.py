@@ -12,8 +12,8 @@ import os
 import threading
 from collections.abc import Callable
 from pathlib import Path
-from typing import Self
 
+from bpn_shared.closing import Closing
 from bpn_shared.errors import one_line
 
 log = logging.getLogger(__name__)
@@ -26,7 +26,7 @@ _UPTIME = Path("/proc/uptime")
 _WIDTH = 20
 
 
-class Heartbeat:
+class Heartbeat(Closing):
     """Writes the time into the file once a second from a thread of its own, and into the second while ready.
 
     It stops with the process, and with one that is frozen.
@@ -66,12 +66,6 @@ class Heartbeat:
         self._closed.set()
         if self._thread.is_alive():
             self._thread.join()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
 
 
 def _write_time(path: Path) -> None:

@@ -21,6 +21,7 @@ EPISODES_STORED, EPOCHS_DONE, STEPS_PLAYED = "episodes_stored", "epochs_done", "
 """Counters that tell of progress: the first two are the learner's, the last one is the edge's."""
 
 _MOST_REASONS = 4
+_MOST_REFUSED = 2
 _KINDS = ("learner", "edge", "robot_sim")
 
 
@@ -157,13 +158,14 @@ class Watchdog:
         """What the run waits for."""
         if around.router:
             return (Cause("router", around.router),)
-        causes = [*self._causes(now_s, around), *(Cause("worker", why) for why in around.refused)]
+        causes = [*self._causes(now_s, around)][:_MOST_REASONS]
+        causes += [Cause("worker", why) for why in around.refused[:_MOST_REFUSED]]
         if around.disk:
             causes.append(Cause("disk", around.disk))
         if not causes:
             learner = Cause("computing", "its learner computes")
             causes = [learner if self._learner() else Cause("nobody", "nobody reports from it")]
-        return tuple(causes[:_MOST_REASONS])
+        return tuple(causes)
 
     def _learner(self) -> _Heard | None:
         return next((h for h in self._heard.values() if _is_first_learner(h.report)), None)

@@ -89,7 +89,7 @@ class WorkerProcess:
         )
         with (
             contextlib.closing(
-                TelemetryPublisher(self.bus, self.kind, self.id, reporter.report),
+                TelemetryPublisher(self.bus, self.kind, self.id, reporter.report, self.counters),
             ),
             Responder(self.bus, keys.health(self.kind, self.id), reporter.answer, self.counters),
             AliveToken(self.bus, self.kind, self.id),
