@@ -7,7 +7,7 @@ from chaos import LONG, RUN_TIMEOUT_S, Progress, facts
 from compose_project import Project, docker
 from probes import Probe, probe_of
 
-from bpn_shared.access import ROLES
+from bpn_shared.bus.access import ROLES
 
 WaitFor = Callable[..., None]
 AWAY_S = 120.0

@@ -16,13 +16,13 @@ from bpn.evaluation.host import EVALUATION, TrialHost
 from bpn_edge import memory as edge_memory
 from bpn_edge import service as edge
 from bpn_edge.kernel.native import NativeKernel
-from bpn_robot_sim import service as robot_sim
+from bpn_robot_sim import worker as robot_sim
 from bpn_shared.bnn import golden
 from bpn_shared.bnn.blob import BlobError, WeightBlob
 from bpn_shared.bus.session import Bus
-from bpn_shared.config import RunConfig
 from bpn_shared.messages.frame import FrameHeader, FrameKind
-from bpn_shared.seeds import episode_seed
+from bpn_shared.spec.config import RunConfig
+from bpn_shared.spec.seeds import episode_seed
 
 REACHING = RunConfig.for_task("reaching", nodes=16, steps=3)
 OpenBus = Callable[[], Bus]

@@ -19,7 +19,7 @@ from secure_router import SecureRouter
 from bpn.dashboard import Dashboard
 from bpn_certificates.authority import Validity
 from bpn_certificates.folders import make
-from bpn_shared import keys
+from bpn_shared.bus import keys
 from bpn_shared.bus.certificates import FOLDER_VARIABLE
 from bpn_shared.bus.requests import RefusedError, request
 

@@ -11,7 +11,7 @@ import pytest
 from bpn_shared.bus.router import configure, endpoints, is_local
 from bpn_shared.bus.router_config import render, secure
 from bpn_shared.bus.session import DEFAULT_ENDPOINT, Bus
-from bpn_shared.config import ConfigError
+from bpn_shared.spec.config import ConfigError
 
 LOCAL = ["tcp/127.0.0.1:7447", "tcp/[::1]:7447", "tcp/localhost:1", "unixsock-stream//tmp/x.sock"]
 OPEN = ["tcp/0.0.0.0:7447", "tcp/[::]:7447", "tcp/router:7447", "ws/10.0.0.1:80", "udp/0.0.0.0:1"]

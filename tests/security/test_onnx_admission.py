@@ -20,10 +20,10 @@ from bpn_edge.memory import WeightMemory
 from bpn_learner.export import export
 from bpn_learner.networks import make_network
 from bpn_shared.bnn.blob import BlobError
-from bpn_shared.bnn.spec import NetworkSpec
-from bpn_shared.config import RunConfig
-from bpn_shared.float_weights import FloatWeights
-from bpn_shared.service import Counters
+from bpn_shared.bnn.float_weights import FloatWeights
+from bpn_shared.counters import Counters
+from bpn_shared.spec.config import RunConfig
+from bpn_shared.spec.network import NetworkSpec
 
 SPEC = NetworkSpec(1, 8, 4)
 

@@ -13,7 +13,6 @@ from bpn_certificates import authority as x509
 from bpn_certificates.authority import Identity, Validity
 from bpn_certificates.folders import make
 from bpn_shared.backoff import Backoff
-from bpn_shared.bus.ask import ask
 from bpn_shared.bus.certificates import CERTIFICATE, FOLDER_VARIABLE, KEY, CertificateFiles
 from bpn_shared.bus.obstacle import obstacle
 from bpn_shared.bus.renewal import CertificateWatch
@@ -21,7 +20,9 @@ from bpn_shared.bus.requests import Responder
 from bpn_shared.bus.router_watch import RouterWatch
 from bpn_shared.bus.session import Bus
 from bpn_shared.bus.x509 import facts_of
-from bpn_shared.service import Counters, Waiting
+from bpn_shared.counters import Counters
+from bpn_shared.runtime.ask import ask
+from bpn_shared.waiting import Waiting
 
 WaitFor = Callable[..., None]
 LIFE_S = 24.0

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from bpn_shared.access import ROLES
+from bpn_shared.bus.access import ROLES
 from bpn_shared.version import VERSION
 
 ROOT = Path(__file__).parents[2]

@@ -20,12 +20,11 @@ from bpn_edge.kernel.native import NativeKernel
 from bpn_edge.kernel.onnx_admission import admit
 from bpn_learner.export import export
 from bpn_learner.networks import make_network
-from bpn_shared import log_lines
 from bpn_shared.bnn.blob import BlobError, WeightBlob
-from bpn_shared.bnn.spec import NetworkSpec
+from bpn_shared.bnn.float_weights import FloatWeights
+from bpn_shared.bnn.weights import decode_weights
 from bpn_shared.bus.logs import as_said_by
-from bpn_shared.config import ConfigError, RunConfig
-from bpn_shared.float_weights import FloatWeights
+from bpn_shared.messages import log_lines
 from bpn_shared.messages.action import Action
 from bpn_shared.messages.base import Message, MessageError
 from bpn_shared.messages.control import (
@@ -56,8 +55,9 @@ from bpn_shared.runs.config_file import decode_config, encode_config
 from bpn_shared.runs.digests import DamagedError, seal, seal_line
 from bpn_shared.runs.lines import read_line
 from bpn_shared.runs.state import RunState, decode_state, encode_state
-from bpn_shared.tasks import task_named
-from bpn_shared.weights import decode_weights
+from bpn_shared.spec.config import ConfigError, RunConfig
+from bpn_shared.spec.network import NetworkSpec
+from bpn_shared.spec.tasks import task_named
 
 RUN = "0198c0de-0000-7000-8000-000000000001"
 TASK = task_named("reaching")
@@ -222,9 +222,10 @@ def decoders() -> list[Decoder]:
                 (ConfigError,), _resealed(seal)),
         Decoder("state.json", lambda d: decode_state(d, source="x"),
                 [encode_state(RunState(state="running", attempt=2))], (ConfigError,), _resealed(seal)),
-        Decoder("about.json", About.model_validate_json, [About(name="n").model_dump_json().encode()],
-                (ValidationError,)),
-        Decoder("sweep", SweepFile.model_validate_json, [orjson.dumps(sweep)], (ValidationError,)),
+        Decoder("about.json", About.decode, [seal(About(name="n").model_dump())],
+                (DamagedError, ValidationError), _resealed(seal)),
+        Decoder("sweep", SweepFile.decode, [seal(sweep), orjson.dumps(sweep)],
+                (DamagedError, ValidationError), _resealed(seal)),
         Decoder("line of a run", lambda d: read_line(d, sealed=False), [seal_line(record)],
                 (DamagedError, ValueError), _resealed(seal_line)),
         Decoder("progress", Record.model_validate_json, [seal_line(record)], (ValidationError,)),

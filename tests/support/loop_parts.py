@@ -6,17 +6,17 @@ from collections.abc import Callable
 import numpy as np
 from learner_side import RUN
 
-from bpn_shared import keys
+from bpn_shared.bus import keys
 from bpn_shared.bus.latest import LatestPublisher, LatestSubscriber
 from bpn_shared.bus.requests import Responder
 from bpn_shared.bus.session import Bus
-from bpn_shared.config import RunConfig
+from bpn_shared.counters import Counters
 from bpn_shared.messages.action import Action
 from bpn_shared.messages.control import Reset, ResetReply
 from bpn_shared.messages.frame import FrameHeader, FrameKind
 from bpn_shared.messages.lease import Role
-from bpn_shared.service import Counters
-from bpn_shared.worker import Worker
+from bpn_shared.runtime.worker import Worker
+from bpn_shared.spec.config import RunConfig
 
 
 class Running:

@@ -9,7 +9,7 @@ import sys
 from pathlib import Path
 
 from bpn_certificates.folders import AUTHORITY_FOLDER, SERVER_NAMES, make
-from bpn_shared.access import ROLES, ROUTER
+from bpn_shared.bus.access import ROLES, ROUTER
 from bpn_shared.version_option import add_version_option
 
 DAYS, DAYS_AT_MOST = 365.0, 3650.0

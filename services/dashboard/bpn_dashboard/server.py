@@ -14,8 +14,8 @@ from starlette.types import ASGIApp
 
 from bpn_dashboard.access.connections import BACKLOG, Listener
 from bpn_dashboard.hub.websocket import UVICORN_OPTIONS
-from bpn_shared.config import ConfigError
 from bpn_shared.errors import one_line
+from bpn_shared.spec.config import ConfigError
 
 log = logging.getLogger(__name__)
 

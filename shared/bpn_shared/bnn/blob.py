@@ -15,8 +15,8 @@ from uuid import UUID
 import numpy as np
 import numpy.typing as npt
 
-from bpn_shared.bnn.spec import Layer, NetworkSpec
 from bpn_shared.errors import InputError
+from bpn_shared.spec.network import Layer, NetworkSpec
 
 Signs = npt.NDArray[np.int8]
 Thresholds = npt.NDArray[np.int32]

@@ -3,7 +3,7 @@
 import re
 import socket
 
-from bpn_shared.config import ConfigError
+from bpn_shared.spec.config import ConfigError
 
 _ENDPOINT = re.compile(r"[a-z]+/\[?(?P<host>[^\]]+?)\]?:(?P<port>[0-9]+)")
 LOOPBACK = "127.0.0.1"

@@ -4,7 +4,7 @@ import os
 from pathlib import Path
 from typing import NamedTuple, Self
 
-from bpn_shared.config import ConfigError
+from bpn_shared.spec.config import ConfigError
 
 AUTHORITY, CERTIFICATE, KEY = "authority.pem", "certificate.pem", "key.pem"
 """Names of the files: who is trusted, who we are, and the proof of it."""

@@ -17,10 +17,11 @@ from bpn_shared.bus.renewal import CertificateWatch
 from bpn_shared.bus.router_config import SECURE_ENDPOINT, bare, secure
 from bpn_shared.bus.session import DEFAULT_ENDPOINT, prepare_process
 from bpn_shared.bus.session_shares import SessionShares
-from bpn_shared.config import ConfigError
+from bpn_shared.counters import Counters
 from bpn_shared.errors import InputError
-from bpn_shared.heartbeat import Heartbeat
-from bpn_shared.service import Counters, end_with_supervisor, set_up_logging, stop_on_signals
+from bpn_shared.runtime.heartbeat import Heartbeat
+from bpn_shared.runtime.service import end_with_supervisor, set_up_logging, stop_on_signals
+from bpn_shared.spec.config import ConfigError
 from bpn_shared.version_option import add_version_option
 
 log = logging.getLogger("bpn_router")

@@ -12,7 +12,9 @@ from bpn_shared.bus.obstacle import obstacle
 from bpn_shared.bus.renewal import CertificateWatch
 from bpn_shared.bus.session import Bus, BusError
 from bpn_shared.bus.x509 import Life
-from bpn_shared.service import Counters, Waiting
+from bpn_shared.closing import Closing
+from bpn_shared.counters import Counters
+from bpn_shared.waiting import Waiting
 
 log = logging.getLogger(__name__)
 
@@ -57,7 +59,7 @@ class Outage:
         return lost_s
 
 
-class RouterWatch:
+class RouterWatch(Closing):
     """Looks once a second whether a session has its router, from a thread of its own.
 
     Args:
@@ -117,8 +119,8 @@ class RouterWatch:
         while not self._closed.wait(self._period_s):
             try:
                 self._look()
-            except Exception:
-                log.exception("watching the router failed")
+            except Exception as error:
+                self._counters.fault("router_watch_failed", "watching the router", error)
 
     def _look(self) -> None:
         if self._certificate is not None:
@@ -172,9 +174,3 @@ class RouterWatch:
         """Looks no more."""
         self._closed.set()
         self._thread.join()
-
-    def __enter__(self) -> "RouterWatch":
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()

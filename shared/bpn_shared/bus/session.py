@@ -6,8 +6,6 @@ import sys
 import threading
 import time
 from collections.abc import Callable
-from types import TracebackType
-from typing import Self
 
 import zenoh
 
@@ -15,6 +13,7 @@ from bpn_shared.backoff import Backoff
 from bpn_shared.bus.certificates import client_tls
 from bpn_shared.bus.obstacle import obstacle, plain
 from bpn_shared.bus.traffic import Traffic
+from bpn_shared.closing import Closing
 
 log = logging.getLogger(__name__)
 
@@ -58,7 +57,7 @@ def _client_config(endpoint: str) -> zenoh.Config:
     )
 
 
-class Bus:
+class Bus(Closing):
     """One session as a client of the router. Use as a context manager: an unclosed one keeps the process.
 
     Args:
@@ -85,17 +84,6 @@ class Bus:
         self._ends: list[Callable[[], None]] = []
         self.traffic = traffic or Traffic()
         self.zenoh = _open(endpoint, deadline_s, stop or threading.Event())
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        self.close()
 
     def before_close(self, end: Callable[[], None]) -> None:
         """Has `end` called before the session ends: for threads that use it."""

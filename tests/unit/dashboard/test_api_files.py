@@ -22,9 +22,9 @@ from bpn_robot_sim.pan_tilt import geometry as pan_tilt
 from bpn_robot_sim.reaching import geometry as reaching
 from bpn_robot_sim.tracking import geometry as tracking
 from bpn_shared.bnn.blob import WeightBlob
-from bpn_shared.config import RunConfig
 from bpn_shared.messages.episode import Episode, EpisodeMeta
-from bpn_shared.tasks import TASKS
+from bpn_shared.spec.config import RunConfig
+from bpn_shared.spec.tasks import TASKS
 
 
 @pytest.fixture

@@ -2,7 +2,7 @@
 
 from sqlalchemy.exc import OperationalError
 
-from bpn_shared.config import RunConfig
+from bpn_shared.spec.config import RunConfig
 
 
 def test_it_is_shown_and_told_at_once_and_written_later(store, monkeypatch, caplog) -> None:

@@ -24,11 +24,11 @@ from bpn_dashboard.registry.store import RunStore
 from bpn_dashboard.registry.versions import Refused
 from bpn_dashboard.registry.view import RegistryView
 from bpn_shared.bus.x509 import Life
-from bpn_shared.config import RunConfig
 from bpn_shared.messages.telemetry import CertificateLife, Telemetry
 from bpn_shared.runs.state import STATES
+from bpn_shared.runtime.watchdog import CAUSE_KINDS
+from bpn_shared.spec.config import RunConfig
 from bpn_shared.version import PROTOCOL
-from bpn_shared.watchdog import CAUSE_KINDS
 
 PAGE = Path(__file__).parents[3] / "docs" / "observability.md"
 DAY = timedelta(days=1)

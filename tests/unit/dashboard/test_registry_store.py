@@ -19,8 +19,8 @@ from bpn_dashboard.registry.errors import (
 from bpn_dashboard.registry.query import SORT_KEYS, RunFilter
 from bpn_dashboard.registry.store import RunStore
 from bpn_dashboard.registry.workplace import ConnectedWorkers
-from bpn_shared.config import ConfigError, RunConfig
 from bpn_shared.runs.folder import RunFolder
+from bpn_shared.spec.config import ConfigError, RunConfig
 
 CONFIG = RunConfig.for_task("reaching", seed=3, nodes=24)
 

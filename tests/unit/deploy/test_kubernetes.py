@@ -13,7 +13,7 @@ import pytest
 import yaml
 
 from bpn_certificates.folders import make
-from bpn_shared.access import ROLES
+from bpn_shared.bus.access import ROLES
 from bpn_shared.bus.certificates import AUTHORITY, CERTIFICATE, KEY
 from bpn_shared.version import VERSION
 

@@ -12,7 +12,7 @@ from bpn_certificates import command as certificates
 from bpn_dashboard.options import argument_parser
 from bpn_shared import version
 from bpn_shared.bus import router
-from bpn_shared.entry import argument_parser as worker_parser
+from bpn_shared.runtime.entry import argument_parser as worker_parser
 from bpn_shared.version import VERSION
 
 ROOT = Path(__file__).parents[3]

@@ -13,7 +13,7 @@ from bpn_edge.kernel.native import NativeKernel
 from bpn_edge.memory import compare, verify
 from bpn_shared.bnn import golden
 from bpn_shared.bnn.blob import BlobError, WeightBlob, canonical_thresholds
-from bpn_shared.bnn.spec import LAYERS, NetworkSpec
+from bpn_shared.spec.network import LAYERS, NetworkSpec
 
 specs = st.builds(
     NetworkSpec,

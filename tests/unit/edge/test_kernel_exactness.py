@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from bpn_edge.kernel.native import NativeKernel, available_paths
 from bpn_shared.bnn import golden
 from bpn_shared.bnn.blob import WeightBlob
-from bpn_shared.bnn.spec import Layer, NetworkSpec
+from bpn_shared.spec.network import Layer, NetworkSpec
 
 INT32 = np.iinfo(np.int32)
 PATHS = {path: NativeKernel(path) for path in available_paths()}

@@ -5,8 +5,8 @@ from hypothesis import strategies as st
 from bpn_edge.recorder import EpisodeRecorder
 from bpn_shared.messages.control import Assignment
 from bpn_shared.messages.frame import NO_ACTION, FrameHeader, FrameKind
-from bpn_shared.observation import frame_indices, stack
-from bpn_shared.tasks import task_named
+from bpn_shared.spec.observation import frame_indices, stack
+from bpn_shared.spec.tasks import task_named
 
 TASK = task_named("reaching")
 

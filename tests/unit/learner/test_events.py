@@ -6,7 +6,7 @@ from pathlib import Path
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
 from bpn_learner.events import EventWriter
-from bpn_shared.config import RunConfig
+from bpn_shared.spec.config import RunConfig
 
 CONFIG = RunConfig.for_task("reaching", seed=4)
 

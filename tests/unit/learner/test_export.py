@@ -14,8 +14,8 @@ from bpn_learner.export import export
 from bpn_learner.fold import fold
 from bpn_learner.networks import BinaryNetwork, FloatNetwork, PNetwork, make_network
 from bpn_shared.bnn.blob import BlobError, WeightBlob
-from bpn_shared.bnn.spec import NetworkSpec
-from bpn_shared.float_weights import FloatWeights, max_model_bytes
+from bpn_shared.bnn.float_weights import FloatWeights, max_model_bytes
+from bpn_shared.spec.network import NetworkSpec
 
 SPEC = NetworkSpec(channels=2, nodes=12, actions=5)
 specs = st.builds(

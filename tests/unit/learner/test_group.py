@@ -31,9 +31,9 @@ from bpn_learner.networks import PNetwork
 from bpn_learner.rendezvous import connect, open_store
 from bpn_learner.transitions import EpisodeData, Transitions
 from bpn_learner.update import PolicyUpdate, Regression, fit, policy_update
-from bpn_shared.bnn.spec import NetworkSpec
-from bpn_shared.config import Engine, RunConfig
-from bpn_shared.seeds import shuffle_generator
+from bpn_shared.spec.config import Engine, RunConfig
+from bpn_shared.spec.network import NetworkSpec
+from bpn_shared.spec.seeds import shuffle_generator
 
 LOOPBACK = "127.0.0.1"
 Kind = Literal["binary", "float"]

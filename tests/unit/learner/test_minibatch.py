@@ -32,7 +32,7 @@ from bpn_learner.networks import (
     dot_products,
 )
 from bpn_learner.update import make_optimizer
-from bpn_shared.bnn.spec import NetworkSpec
+from bpn_shared.spec.network import NetworkSpec
 
 PATHS = available_paths()
 

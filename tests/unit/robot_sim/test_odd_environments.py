@@ -10,6 +10,8 @@ from gymnasium.spaces import Box, Dict, Discrete
 from hypothesis import given
 from hypothesis import strategies as st
 
+from bpn_robot.frame import is_flat
+from bpn_robot.robot import RobotFault
 from bpn_robot_sim.environment import GymEnvironment
 from bpn_robot_sim.pictures import (
     ObservedPictures,
@@ -19,10 +21,9 @@ from bpn_robot_sim.pictures import (
     why_blind,
 )
 from bpn_robot_sim.probe import probe_environment
-from bpn_robot_sim.rendering import is_flat
-from bpn_robot_sim.robot import RobotFault, robot_for
-from bpn_shared.config import ConfigError, RunConfig
+from bpn_robot_sim.robots import robot_for
 from bpn_shared.messages.probe import ProbeRequest
+from bpn_shared.spec.config import ConfigError, RunConfig
 
 SHAPE = (30, 40, 3)
 LEVELS = Box(0, 255, SHAPE, np.uint8)
@@ -273,6 +274,14 @@ def test_pictures_that_differ_in_one_pixel_are_enough() -> None:
     changed = frames[0].copy()
     changed[0, 83, 83] ^= 1
     assert why_blind([*frames, changed]) is None
+
+
+@given(st.integers(2, 5))
+def test_pictures_that_never_change_are_blind_and_one_alone_is_not(count: int) -> None:
+    seen = np.zeros((1, 84, 84), np.uint8)
+    seen[0, :40] = 255
+    assert f"all its {count} pictures are alike" in (why_blind([seen] * count) or "")
+    assert why_blind([seen]) is None
 
 
 def test_an_episode_that_ends_at_once_is_begun_anew_by_the_probe() -> None:

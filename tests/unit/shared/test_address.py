@@ -1,7 +1,7 @@
 import pytest
 
 from bpn_shared.bus.address import own_address
-from bpn_shared.config import ConfigError
+from bpn_shared.spec.config import ConfigError
 
 
 @pytest.mark.parametrize(

@@ -1,8 +1,8 @@
 import pytest
 
-from bpn_shared.config import RunConfig
-from bpn_shared.entry import run_slot_worker
-from bpn_shared.worker import Worker
+from bpn_shared.runtime.entry import run_slot_worker
+from bpn_shared.runtime.worker import Worker
+from bpn_shared.spec.config import RunConfig
 
 
 def serve(_worker: Worker, _config: RunConfig) -> int:

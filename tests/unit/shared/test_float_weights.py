@@ -9,9 +9,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from bpn_shared.bnn.blob import BlobError, WeightBlob
-from bpn_shared.bnn.spec import NetworkSpec
-from bpn_shared.float_weights import FloatWeights, max_encoded_size, max_model_bytes
-from bpn_shared.weights import decode_weights, max_weights_bytes, network_kind
+from bpn_shared.bnn.float_weights import FloatWeights, max_encoded_size, max_model_bytes
+from bpn_shared.bnn.weights import decode_weights, max_weights_bytes, network_kind
+from bpn_shared.spec.network import NetworkSpec
 
 specs = st.builds(
     NetworkSpec,

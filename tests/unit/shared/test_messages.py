@@ -25,7 +25,7 @@ from bpn_shared.messages.telemetry import (
     Telemetry,
     WeightsMark,
 )
-from bpn_shared.tasks import task_named
+from bpn_shared.spec.tasks import task_named
 
 REACHING = task_named("reaching")
 u32, u64 = st.integers(0, 2**32 - 1), st.integers(0, 2**64 - 1)

@@ -11,8 +11,16 @@ from hypothesis import strategies as st
 
 from bpn_shared.bus.traffic import MAX_KEYS, Traffic
 from bpn_shared.bus.x509 import Life
-from bpn_shared.service import Counters, Waiting, new_worker_id
-from bpn_shared.telemetry import LATENCY_WINDOW_S, Latencies, ProcessUsage, Reporter, WeightsMarks
+from bpn_shared.counters import Counters
+from bpn_shared.runtime.service import new_worker_id
+from bpn_shared.runtime.telemetry import (
+    LATENCY_WINDOW_S,
+    Latencies,
+    ProcessUsage,
+    Reporter,
+    WeightsMarks,
+)
+from bpn_shared.waiting import Waiting
 
 
 @given(st.lists(st.lists(st.floats(-1e6, 1e6), max_size=50), min_size=1, max_size=20))

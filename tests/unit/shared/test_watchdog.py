@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bpn_shared.messages.telemetry import Telemetry
-from bpn_shared.watchdog import (
+from bpn_shared.runtime.watchdog import (
     CAUSE_KINDS,
     SILENT_AFTER_S,
     STALLED_AFTER_S,
@@ -122,6 +122,18 @@ def test_reasons_come_in_the_order_in_which_they_can_be_mended(dog: Watchdog) ->
     assert said(dog, 0.0, Circumstances(router="the router is away", disk="full")) == (
         "the router is away"
     )
+
+
+@given(waiting=st.integers(0, 9), refused=st.integers(0, 5))
+def test_however_much_waits_the_causes_beside_it_are_told(waiting: int, refused: int) -> None:
+    dog = Watchdog(STEPS, 0.0)
+    for slot in range(waiting):
+        dog.hear(report(f"edge-{slot}", "edge", slot=slot, waiting_for="a frame"), 0.0)
+    foreign = tuple(f"edge edge-{n} speaks protocol 1" for n in range(refused))
+    reason = dog.reason(0.0, Circumstances(refused=foreign, disk="the disk is full"))
+    assert reason.endswith("the disk is full")
+    assert ("speaks protocol 1" in reason) == (refused > 0)
+    assert len(reason.split("; ")) <= 7
 
 
 def test_what_was_refused_since_the_last_progress_is_said_and_older_things_are_not(

@@ -17,14 +17,16 @@ from bpn_dashboard.api.problems import ApiError
 from bpn_dashboard.certificates import Certificate
 from bpn_dashboard.database.engine import Database
 from bpn_dashboard.hub.topology import Topology, TopologySnapshot
+from bpn_dashboard.registry.removals import Removals
 from bpn_dashboard.registry.store import RunStore
 from bpn_dashboard.registry.versions import Refused
 from bpn_dashboard.registry.view import RegistryView
 from bpn_dashboard.registry.workplace import ConnectedWorkers
 from bpn_dashboard.series.ingest import Ingest
 from bpn_dashboard.series.query import SeriesQueries
+from bpn_shared.counters import Counters
 from bpn_shared.runs.creation import Workplace
-from bpn_shared.service import Counters
+from bpn_shared.runs.trash import DAY_S, KEPT_DAYS, Trash
 
 COOKIE = "bpn_session"
 """How the name of the session cookie begins."""
@@ -47,6 +49,7 @@ class Context:
         open_metrics: /metrics needs no token from loopback.
         connections: of the server, if it limits them.
         state_dir: the folder that is the dashboard's alone; None: that of the runs.
+        trash_kept_s: how long runs that are removed are kept.
     """
 
     database: Database
@@ -66,8 +69,12 @@ class Context:
     wrong_tokens: WrongTokens = field(default_factory=WrongTokens)
     connections: Connections | None = None
     state_dir: Path | None = None
+    trash_kept_s: float = KEPT_DAYS * DAY_S
 
     def __post_init__(self) -> None:
+        trash = Trash(self.runs.runs_dir, self.trash_kept_s)
+        self.removals = Removals(self.database, self.runs, trash)
+        self.runs.audience.mourn(self.ingest.forget)
         self.tokens = Tokens(self.database)
         self.cursors = Cursors(secret_key(self.database, "cursors"))
         self.series = SeriesQueries(self.database)

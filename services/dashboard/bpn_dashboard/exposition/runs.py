@@ -14,7 +14,7 @@ from bpn_dashboard.exposition.families import gauge
 from bpn_dashboard.registry.states import BUSY
 from bpn_dashboard.registry.view import RegistryView
 from bpn_shared.runs.state import STATES
-from bpn_shared.watchdog import CAUSE_KINDS
+from bpn_shared.runtime.watchdog import CAUSE_KINDS
 
 MOST_RUNS = 1000
 """That have samples of their own, the newest ones; all are counted."""

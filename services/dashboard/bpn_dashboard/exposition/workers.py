@@ -12,8 +12,8 @@ from bpn_dashboard.hub.refusals import refusals
 from bpn_dashboard.hub.topology import Node
 from bpn_dashboard.registry.versions import Refused
 from bpn_dashboard.registry.view import RegistryView
+from bpn_shared.counters import Counters
 from bpn_shared.messages.lease import Role
-from bpn_shared.service import Counters
 
 MOST_WORKERS = 1000
 """That have samples of their own; all are counted."""

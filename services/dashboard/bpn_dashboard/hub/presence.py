@@ -3,8 +3,9 @@
 from bpn_shared.bus.liveliness import AliveToken
 from bpn_shared.bus.session import Bus
 from bpn_shared.bus.telemetry import TelemetryPublisher
-from bpn_shared.service import Counters, Waiting
-from bpn_shared.telemetry import Latencies, Reporter, WeightsMarks
+from bpn_shared.counters import Counters
+from bpn_shared.runtime.telemetry import Latencies, Reporter, WeightsMarks
+from bpn_shared.waiting import Waiting
 
 KIND = "dashboard"
 
@@ -24,7 +25,7 @@ class Presence:
             weights=WeightsMarks(),
         )
         self._token = AliveToken(bus, KIND, name)
-        self._telemetry = TelemetryPublisher(bus, KIND, name, reporter.report)
+        self._telemetry = TelemetryPublisher(bus, KIND, name, reporter.report, counters)
 
     def close(self) -> None:
         """Ends the telemetry; the token goes with the session."""

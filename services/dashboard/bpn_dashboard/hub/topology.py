@@ -15,8 +15,8 @@ from typing import Literal
 from pydantic import BaseModel, ConfigDict
 
 from bpn_dashboard.hub.refusals import RefusalTotals
-from bpn_shared import keys
-from bpn_shared.access import CHANNELS
+from bpn_shared.bus import keys
+from bpn_shared.bus.access import CHANNELS
 from bpn_shared.messages.telemetry import (
     CertificateLife,
     KeyTraffic,

@@ -6,9 +6,10 @@ from typing import Any
 
 from bpn_dashboard.database.tables import RunRow
 from bpn_dashboard.registry.progress import Progress
-from bpn_dashboard.registry.states import OVER, observed
-from bpn_shared.config import ConfigError
+from bpn_dashboard.registry.states import observed
 from bpn_shared.runs.folder import RunFolder, RunOwnedError
+from bpn_shared.runs.state import OVER
+from bpn_shared.spec.config import ConfigError
 
 log = logging.getLogger(__name__)
 

@@ -6,6 +6,7 @@ from typing import Annotated, Any, Self
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
+from bpn_shared.runs.digests import DamagedError, check_line
 from bpn_shared.runs.folder import RunFolder
 from bpn_shared.runs.tail import Tail
 
@@ -69,11 +70,10 @@ class Progress:
                 self._begin()
             for line in growth.lines():
                 try:
+                    check_line(line)
                     self._take(Record.model_validate_json(line))
-                except (
-                    ValidationError
-                ):  # cut by a crash, or damaged; the series count and name such lines
-                    continue
+                except (DamagedError, ValidationError):
+                    continue  # cut by a crash, or damaged; the series count and name such lines
         last = self._last
         if last is None:
             return {"iteration": 0}

@@ -7,9 +7,9 @@ from typing import Any
 from uuid import UUID
 
 from bpn_dashboard.database.tables import RunRow
-from bpn_dashboard.registry.states import OVER
 from bpn_shared.messages.telemetry import Telemetry
-from bpn_shared.watchdog import CauseKind, Circumstances, Watchdog, sentence
+from bpn_shared.runs.state import OVER
+from bpn_shared.runtime.watchdog import CauseKind, Circumstances, Watchdog, sentence
 
 log = logging.getLogger(__name__)
 

@@ -6,13 +6,12 @@ they say that what is recorded and what is wanted or there do not agree yet.
 
 from typing import Literal
 
-from bpn_shared.runs.folder import State
+from bpn_shared.runs.state import OVER, State
 
 DesiredState = Literal["running", "stopped"]
 
 BUSY: tuple[State, ...] = ("running", "stopping", "lost")
 """In which something may be working on a run."""
-OVER: tuple[State, ...] = ("finished", "failed")
 LOST_AFTER_S = 5.0
 """How long a running run may be without a learner, as between one that died and the next."""
 

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from bpn_shared.messages.lease import Role
-from bpn_shared.watchdog import CauseKind
+from bpn_shared.runtime.watchdog import CauseKind
 
 
 @dataclass(frozen=True)

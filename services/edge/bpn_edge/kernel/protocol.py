@@ -5,8 +5,8 @@ from typing import Protocol
 
 from bpn_shared.bnn.blob import BlobError, Parameters, WeightBlob
 from bpn_shared.bnn.golden import Observation
-from bpn_shared.outputs import Outputs
-from bpn_shared.weights import Weights
+from bpn_shared.bnn.outputs import Outputs
+from bpn_shared.bnn.weights import Weights
 
 
 class Kernel(Protocol):
