@@ -169,11 +169,11 @@ class RouterWatch(Closing):
             self._waiting.obstruct(what)
 
     def _found(self) -> None:
+        self._said, self.why = None, ""
+        self._waiting.obstruct(None)
         log.warning(
             "the router at %s is back after %.0f s", self._bus.endpoint, now_s() - self._since_s
         )
-        self._said, self.why = None, ""
-        self._waiting.obstruct(None)
 
     def close(self) -> None:
         """Looks no more."""
