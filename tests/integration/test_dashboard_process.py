@@ -235,7 +235,8 @@ def test_it_is_ready_while_workers_can_be_given_work(
         assert "not reached yet" in obstacle()
         with running_router(free_tcp_endpoint):
             wait_for(lambda: not obstacle(), "the dashboard to be ready", DEADLINE_S)
-        wait_for(lambda: "is lost" in obstacle(), "the lost router to be told", DEADLINE_S)
+        lost = f"the connection to the router at {free_tcp_endpoint} is lost: nobody listens"
+        wait_for(lambda: lost in obstacle(), "the lost router to be told, and why", DEADLINE_S)
         assert client.get("/healthz").is_success  # its pages are served all the same
 
 
