@@ -1,8 +1,8 @@
 #!/bin/sh
 # Checks for what pip cannot bring: a C++ compiler, Python's headers, an OpenGL library that renders
-# without a display; for the tests of the web UI, Chromium. As root on Debian or Ubuntu it installs what is
-# missing; elsewhere it says how.
-# usage: check-system.sh [PYTHON [browser]]
+# without a display; for the tests of the web UI, Chromium; for those of the alerts, Prometheus, which is not left
+# running. As root on Debian or Ubuntu it installs what is missing; elsewhere it says how.
+# usage: check-system.sh [PYTHON [browser|observability]]
 set -eu
 python=${1:-python3}
 what=${2:-}
@@ -34,6 +34,9 @@ rendering() { # EGL with Mesa's or a vendor's driver behind it, or OSMesa
 if [ "$what" = browser ]; then
     need chromium command -v chromium
 fi
+if [ "$what" = observability ]; then
+    need prometheus sh -c 'command -v prometheus && command -v promtool'
+fi
 need g++ command -v g++
 need python3-venv "$python" -c 'import ensurepip'
 need python3-dev python_headers
@@ -41,6 +44,9 @@ need "libegl1 libegl-mesa0 libgl1-mesa-dri libgl1 libopengl0" rendering
 
 [ -n "$missing" ] || exit 0
 install="apt-get update && apt-get install -y --no-install-recommends$missing"
+case $missing in *prometheus*) # the tests start their own; without systemd nothing would be started
+    if command -v systemctl >/dev/null; then install="systemctl mask prometheus.service; $install"; fi ;;
+esac
 if [ "$(id -u)" = 0 ] && command -v apt-get >/dev/null; then
     echo "installing:$missing"
     DEBIAN_FRONTEND=noninteractive sh -c "$install" >/dev/null

@@ -11,11 +11,12 @@ import os
 import signal
 import sys
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from bpn.errors import CommandError
 from bpn.terminal import spare_encoding
 from bpn_shared.errors import InputError
+from bpn_shared.version_option import add_version_option
 
 EXIT_FAILED, EXIT_INPUT, EXIT_INTERRUPTED = 1, 2, 130
 
@@ -30,7 +31,7 @@ class Command(NamedTuple):
 COMMANDS = {
     "up": Command("up", "start the dashboard and workers"),
     "train": Command("train", "train a policy"),
-    "runs": Command("runs", "list, start and stop runs"),
+    "runs": Command("runs", "list, start, stop and remove runs"),
     "eval": Command("evaluate", "play a trained policy"),
     "verify": Command("verify", "recompute what a run says, in other code"),
     "reproduce": Command("reproduce", "make a figure or table of the paper"),
@@ -38,19 +39,6 @@ COMMANDS = {
     "bench": Command("bench", "measure kernel, learner, learners, loop or dashboard"),
     "doctor": Command("doctor", "check this machine"),
 }
-
-
-class _Version(argparse.Action):
-    """Prints the version, which is looked up only then."""
-
-    def __init__(self, option_strings: Sequence[str], dest: str) -> None:
-        super().__init__(option_strings, dest, nargs=0, help="print the version")
-
-    def __call__(self, parser: argparse.ArgumentParser, *_: Any) -> None:
-        from bpn_shared.version import VERSION  # noqa: PLC0415
-
-        print(f"bpn {VERSION}")
-        parser.exit()
 
 
 def parse(arguments: Sequence[str]) -> argparse.Namespace:
@@ -61,7 +49,7 @@ def parse(arguments: Sequence[str]) -> argparse.Namespace:
         epilog="`bpn COMMAND --help` has a command's options. Exit status: 0 done, 1 failed, 2 wrong input, "
         "130 interrupted.",
     )
-    parser.add_argument("--version", action=_Version)
+    add_version_option(parser)
     subparsers = parser.add_subparsers(required=True, metavar="COMMAND")
     for name, command in COMMANDS.items():
         own = subparsers.add_parser(name, help=command.help)

@@ -2,7 +2,7 @@
 
 import json
 import ssl
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Self
 
@@ -14,6 +14,8 @@ from bpn_shared.errors import InputError
 ADDRESS_FILE = ".dashboard.json"
 _TIMEOUT_S = 10.0
 _FIND_TIMEOUT_S = 2.0
+_PAGE = 200
+_PRUNE_TIMEOUT_S = 600.0
 _CREATE_TIMEOUT_S = 90.0
 """A robot worker may have to open an environment first."""
 
@@ -79,6 +81,21 @@ class Dashboard:
         """
         return self._call("GET", "/runs", params=query)
 
+    def listed(self, query: Mapping[str, str], limit: int) -> tuple[list[dict[str, Any]], int]:
+        """The first `limit` runs of a query, and how many it has.
+
+        Args:
+            query: search, state, archived, sort: as docs/dashboard-api.md has them.
+        """
+        items: list[dict[str, Any]] = []
+        page: dict[str, Any] = {"next_cursor": "", "total": 0}
+        while len(items) < limit and page["next_cursor"] is not None:
+            cursor = {"cursor": page["next_cursor"]} if page["next_cursor"] else {}
+            size = str(min(_PAGE, limit - len(items)))
+            page = self.runs(**query, **cursor, limit=size)
+            items += page["items"]
+        return items, page["total"]
+
     def named(self, text: str) -> dict[str, Any]:
         """The run of that id, or of which it is the unique beginning or end.
 
@@ -139,6 +156,30 @@ class Dashboard:
     def resume(self, run_id: str) -> dict[str, Any]:
         """Puts a run back into the queue."""
         return self._call("POST", f"/runs/{run_id}/resume")
+
+    def remove(self, run_id: str) -> dict[str, Any]:
+        """Moves a run to the trash; returns it as it lies there."""
+        return self._call("DELETE", f"/runs/{run_id}")
+
+    def restore(self, run_id: str) -> dict[str, Any]:
+        """Brings a run back from the trash."""
+        return self._call("POST", f"/trash/{run_id}/restore")
+
+    def trash(self) -> list[dict[str, Any]]:
+        """What is in the trash, those removed last first."""
+        return list(self._call("GET", "/trash")["items"])
+
+    def prune(
+        self, keep: int | None, older_than_days: float | None, *, dry_run: bool
+    ) -> list[dict[str, Any]]:
+        """Moves old runs to the trash; returns what became of each."""
+        body = {"keep": keep, "older_than_days": older_than_days, "dry_run": dry_run}
+        items = self._call("POST", "/runs/prune", json=body, timeout=_PRUNE_TIMEOUT_S)["items"]
+        return [
+            {key: item[key] for key in ("id", "name", "ok")}
+            | {"trouble": (item["problem"] or {}).get("detail", "")}
+            for item in items
+        ]
 
     def _call(self, method: str, path: str, **arguments: Any) -> dict[str, Any]:
         """One request.

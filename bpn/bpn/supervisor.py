@@ -77,7 +77,7 @@ class Supervisor:
         self._logs = logs
 
     def start(self) -> None:
-        self._logs.mkdir(parents=True, exist_ok=True)
+        self._logs.mkdir(exist_ok=True)  # without its parents: a run that was removed stays removed
         for service in self.services:
             self._spawn(service)
 

@@ -16,6 +16,7 @@ from rich.console import Console
 from bpn.local_run import execute, new_run, private_endpoint
 from bpn.summary import summarize
 from bpn.supervisor import Supervisor
+from bpn.verify.verification import Verification
 from bpn_shared.bus.metrics import MetricsSubscriber
 from bpn_shared.bus.session import Bus
 from bpn_shared.messages.metrics import MetricsBatch
@@ -112,4 +113,5 @@ def test_a_learner_may_die_in_the_middle_of_a_shared_update(
     summary = summarize(run.folder)
     assert (summary["state"], summary["episodes_lost"]) == ("finished", 0)
     assert summary["weights_sha256"] == undisturbed
+    assert Verification(run.folder).run().agrees
     assert run.folder.state().attempt == (2 if victim == "learner" else 1)

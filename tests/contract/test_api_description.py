@@ -38,6 +38,7 @@ MORE_THAN_A_SCHEMA = {
     "GET /api/v1/runs/{run_id}/logs",
     "GET /api/v1/sweeps",
     "POST /api/v1/runs",  # values must fit together, and an environment be there
+    "POST /api/v1/runs/prune",  # one of two rules at least
     "POST /api/v1/series/query",  # either runs or filter
     "POST /api/v1/sweeps",  # at most so many runs, and seed not in both grid and seeds
 }

@@ -16,7 +16,7 @@ from bpn_shared.bus import keys
 from bpn_shared.bus.latest import DirectSubscriber
 from bpn_shared.bus.session import Bus
 from bpn_shared.messages.action import Action
-from bpn_shared.messages.frame import FrameHeader
+from bpn_shared.messages.frame import FrameHeader, FrameKind
 from bpn_shared.spec.config import RunConfig
 from bpn_shared.spec.observation import stack
 
@@ -118,6 +118,33 @@ def test_a_robot_that_begins_again_is_recorded_anew(
     assert service.counters["episodes_begun_again"] == 1
     assert episode.frames[:, 0, 0, 0].tolist() == [0, 1, 2, 3]
     assert learner.faults == []
+
+
+def test_the_next_episode_begins_while_the_learner_writes_the_last_one(
+    open_bus: OpenBus,
+    running: Callable[..., Running],
+    robots: Callable[..., EvilRobot],
+    wait_for: Callable[..., None],
+) -> None:
+    learner = LearnerSide(open_bus(), CONFIG)
+    learner.publish(1, 7)
+    learner.disk.clear()
+    frames: list[FrameHeader] = []
+
+    def note(header: FrameHeader, _step: int) -> FrameHeader:
+        frames.append(header)
+        return header
+
+    robots(CONFIG, note)
+    running("edge", edge.serve, CONFIG)
+    try:
+        wait_for(lambda: sum(h.kind == FrameKind.LAST for h in frames) >= 2, "a second episode")
+        assert len({header.reset_id for header in frames}) == 2
+        assert learner.delivered == []
+        assert [asked.in_hand for asked in learner.asked] == [None, (0, 0)]
+    finally:
+        learner.disk.set()
+    assert learner.next_delivery().steps == 3  # nothing is lost
 
 
 def test_in_realtime_an_episode_with_a_lost_frame_is_played_again(

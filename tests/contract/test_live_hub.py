@@ -86,7 +86,9 @@ def test_the_rate_is_capped(tab: Callable[..., Tab], open_bus: OpenBus) -> None:
 def test_a_slot_is_watched_once_for_all_and_only_while_somebody_looks(
     server: Server, tab: Callable[..., Tab], open_bus: OpenBus, wait_for: WaitFor
 ) -> None:
-    robot = SampledPublisher[int](open_bus(), keys.preview(RUN, 0), 30.0, lambda _step: (b"", None))
+    robot = SampledPublisher[int](
+        open_bus(), keys.preview(RUN, 0), 30.0, lambda _step: (b"", None), Counters()
+    )
     first, second = tab(), tab()
     assert not robot.watched
     one = first.subscribe(CAMERA)
@@ -232,7 +234,7 @@ def test_topology_follows_a_service_from_birth_to_death(
         "edge", "edge-1", lambda: (RUN, 0), bus.traffic, waiting=waiting,
         counters=Counters(), latencies=Latencies(), weights=WeightsMarks(),
     )  # fmt: skip
-    publisher = TelemetryPublisher(bus, "edge", "edge-1", reporter.report)
+    publisher = TelemetryPublisher(bus, "edge", "edge-1", reporter.report, Counters())
     token = AliveToken(bus, "edge", "edge-1")
     page.subscribe("topology")
 

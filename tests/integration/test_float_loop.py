@@ -14,6 +14,7 @@ import pytest
 from onnx.reference import ReferenceEvaluator
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
+from bpn.verify.verification import Verification
 from bpn_shared.bnn.float_weights import FloatWeights
 from bpn_shared.bnn.weights import decode_weights
 from bpn_shared.messages.episode import Episode
@@ -76,6 +77,7 @@ def test_every_other_algorithm_goes_through_the_loop(train: Train, algorithm: st
     )  # fmt: skip
     assert (run["state"], run["weights_version"]) == ("finished", 2)
     folder = RunFolder.open(Path(run["runs_dir"]), run["run_id"])
+    assert Verification(folder).run().agrees
     events = EventAccumulator(str(folder.path / "tensorboard")).Reload()
     found = [point.value for point in events.Scalars("return_px")]
     assert found == pytest.approx([record["return_px"] for record in folder.metrics()], rel=1e-6)

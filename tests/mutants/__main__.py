@@ -11,59 +11,83 @@ import argparse
 import hashlib
 import json
 import os
-from collections import Counter
+from collections.abc import Iterable
+from pathlib import Path
 from typing import Any
 
+from tests.mutants import results
 from tests.mutants.aimed import Fault, faults, noticed_by
-from tests.mutants.sampled import equivalent, outcomes, sample, tests_of_modules
+from tests.mutants.modules import Module, modules
+from tests.mutants.sampled import equivalent, outcomes, sample
 from tests.mutants.tree import ROOT, Tree, tree
 
 KEPT = ROOT / "build" / "mutants.jsonl"
-SAMPLED_TARGET, AIMED_TARGET = 0.92, 0.90
+KINDS = ("sampled", "aimed")
+Record = dict[str, Any]
 
 
 def main() -> int:
     parser = argparse.ArgumentParser(prog="make mutants", description=__doc__.splitlines()[0])
     parser.add_argument(
-        "--sample", type=int, default=10, metavar="N", help="changes of each module"
+        "--sample",
+        type=int,
+        default=10,
+        metavar="N",
+        help="changes of each module, times its share",
     )
     parser.add_argument("--seed", type=int, default=0, help="of the sample")
-    parser.add_argument("--only", default="", metavar="PART", help="of a file's or a fault's name")
+    parser.add_argument(
+        "--only", default="", metavar="PART", help="of a module's or a fault's name"
+    )
+    parser.add_argument("--kind", choices=KINDS, help="only these")
     parser.add_argument("--anew", action="store_true", help="forget what was tried before")
+    parser.add_argument(
+        "--results", type=Path, metavar="FILE", help="write what was found, as JSON"
+    )
     options = parser.parse_args()
     os.nice(10)
     KEPT.parent.mkdir(exist_ok=True)
     if options.anew:
         KEPT.unlink(missing_ok=True)
     known = _known()
+    aimed: list[Record] = []
+    sampled: list[Record] = []
     with tree() as copy:
-        aimed = [_aimed(copy, f, known) for f in faults() if options.only in f.name + f.file]
-        sampled = _sampled(copy, options, known)
-    return _report(aimed, sampled)
+        if options.kind != "aimed":
+            for name, module in modules().items():
+                if options.only in name:
+                    sampled += _sampled(copy, module, options.sample, options.seed, known)
+        if options.kind != "sampled":
+            chosen = [fault for fault in faults() if options.only in fault.name + fault.file]
+            aimed += [_aimed(copy, fault, known) for fault in chosen]
+    found = results.document(aimed, sampled, sample=options.sample, seed=options.seed)
+    if options.results:
+        results.keep(found, options.results)
+    return 0 if results.show(found) else 1
 
 
-def _known() -> dict[str, dict[str, Any]]:
+def _known() -> dict[str, Record]:
     lines = KEPT.read_text().splitlines() if KEPT.exists() else []
     return {record["key"]: record for record in map(json.loads, lines)}
 
 
-def _keep(record: dict[str, Any]) -> dict[str, Any]:
+def _keep(record: Record) -> Record:
     with KEPT.open("a") as file:
         file.write(json.dumps(record) + "\n")
-    print(f"{record['verdict']:<9} {record['what']}  {record['by']}"[:200], flush=True)
+    print(f"{record['verdict']:<9} {record['what']}  {record['by']}"[:240], flush=True)
     return record
 
 
-def _key(file: str, what: str, tests: tuple[str, ...] | list[str]) -> str:
+def _key(copy: Tree, file: str, what: str, tests: Iterable[str]) -> str:
     """Another one when the module or its tests have changed."""
     digest = hashlib.sha256(what.encode())
     for path in (file, *tests):
-        digest.update((ROOT / path).read_bytes())
+        digest.update((copy.path / path).read_bytes())
     return digest.hexdigest()
 
 
-def _aimed(copy: Tree, fault: Fault, known: dict[str, dict[str, Any]]) -> dict[str, Any]:
-    key = _key(fault.file, repr(fault), fault.tests)
+def _aimed(copy: Tree, fault: Fault, known: dict[str, Record]) -> Record:
+    key = _key(copy, fault.file, repr(fault), fault.tests)
     if key in known:
         return known[key]
     by = noticed_by(fault, copy)
@@ -72,48 +96,26 @@ def _aimed(copy: Tree, fault: Fault, known: dict[str, dict[str, Any]]) -> dict[s
 
 
 def _sampled(
-    copy: Tree, options: argparse.Namespace, known: dict[str, dict[str, Any]]
-) -> list[dict[str, Any]]:
+    copy: Tree, module: Module, count: int, seed: int, known: dict[str, Record]
+) -> list[Record]:
     excused, found = equivalent(), []
-    for file, tests in tests_of_modules().items():
-        if options.only not in file:
-            continue
-        chosen = {}
-        for mutation in sample(file, options.sample, options.seed):
-            what = f"{file}:{mutation.line} {mutation.function}: {mutation.change}"
-            key = _key(file, what, tests)
-            if (file, mutation.function, mutation.change) in excused:
-                found.append({"what": what, "verdict": "equivalent", "file": file})
-            elif key in known:
-                found.append(known[key])
-            else:
-                chosen[mutation] = key, what
-        for mutation, verdict, by in outcomes(copy, file, tests, list(chosen)):
-            key, what = chosen[mutation]
-            record = {"key": key, "what": what, "verdict": verdict, "by": by, "file": file}
-            found.append(_keep(record))
+    chosen = {}
+    for mutation in sample(copy.path / module.file, count * module.share, seed):
+        what = f"{module.name}:{mutation.line} {mutation.function}: {mutation.change}"
+        key = _key(copy, module.file, what, module.tests)
+        reason = excused.get((module.name, mutation.function, mutation.change))
+        if reason is not None:
+            verdict = {"verdict": "equivalent", "by": reason}
+            found.append({"what": what, "module": module.name} | verdict)
+        elif key in known:
+            found.append(known[key])
+        else:
+            chosen[mutation] = key, what
+    for mutation, verdict, by in outcomes(copy, module, list(chosen)):
+        key, what = chosen[mutation]
+        record = {"key": key, "what": what, "module": module.name, "verdict": verdict, "by": by}
+        found.append(_keep(record))
     return found
-
-
-def _report(aimed: list[dict[str, Any]], sampled: list[dict[str, Any]]) -> int:
-    print()
-    for file in dict.fromkeys(record["file"] for record in sampled):
-        counts = Counter(r["verdict"] for r in sampled if r["file"] == file)
-        print(f"{file:<62}", ", ".join(f"{n} {verdict}" for verdict, n in counts.most_common()))
-    for record in (*sampled, *aimed):
-        if record["verdict"] in ("survived", "missed"):
-            print(f"{record['verdict']:<9} {record['what']}")
-    counted = [r for r in sampled if r["verdict"] != "equivalent"]
-    shares = []
-    for name, records, good, target in (
-        ("sampled changes", counted, ("killed", "timeout"), SAMPLED_TARGET),
-        ("aimed faults", aimed, ("noticed",), AIMED_TARGET),
-    ):
-        noticed = sum(record["verdict"] in good for record in records)
-        share = noticed / len(records) if records else 1.0
-        print(f"{name}: {noticed} of {len(records)} noticed, {share:.1%} (at least {target:.0%})")
-        shares.append(share >= target)
-    return 0 if all(shares) else 1
 
 
 if __name__ == "__main__":

@@ -12,6 +12,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+from tests.mutants.modules import modules
 from tests.mutants.tree import ROOT, Tree
 
 FILE = Path(__file__).with_name("aimed.toml")
@@ -23,6 +24,7 @@ class Fault:
     """One fault.
 
     Attributes:
+        file: of its module.
         find, replace: code of the file; it is found whatever its line breaks and indentation.
         tests: of which one must fail.
         run: options of `bpn train` in which the fault shows; `bpn verify` must say that `named` differs.
@@ -51,10 +53,11 @@ class Fault:
 
 def faults() -> Iterator[Fault]:
     """All that are written down."""
-    told = tomllib.loads(FILE.read_text())
+    told, table = tomllib.loads(FILE.read_text()), modules()
     for entry in told["fault"]:
+        file = table[entry.pop("module")].file
         run = told["runs"][entry.pop("run")] if "run" in entry else ""
-        yield Fault(**entry | {"tests": tuple(entry.get("tests", ())), "run": run})
+        yield Fault(**entry | {"file": file, "tests": tuple(entry.get("tests", ())), "run": run})
 
 
 def noticed_by(fault: Fault, tree: Tree) -> str:
@@ -62,15 +65,19 @@ def noticed_by(fault: Fault, tree: Tree) -> str:
     source = fault.applied((tree.path / fault.file).read_text())
     with tree.changed(fault.file, source):
         if fault.tests:
-            outcome, said = tree.pytest(fault.tests, TIMEOUT_S)
-            return "" if outcome == "passed" else said
+            done = tree.pytest(fault.tests, TIMEOUT_S)
+            if done.outcome in ("deadline", "timeout"):  # which a busy machine does, too
+                done = tree.pytest(fault.tests, TIMEOUT_S)
+            return "" if done.outcome == "passed" else done.by or done.outcome
         runs = tree.path / "runs" / re.sub(r"\W+", "-", fault.name)
         train = ["-m", "bpn", "train", *fault.run.split(), "--json", "--runs-dir", str(runs)]
-        outcome, said = tree.python(train, TIMEOUT_S)
-    if outcome != "passed":
-        return f"the run itself ({outcome}): {said.strip().splitlines()[-1:]}"
-    found = differences(runs)
-    return found.get(fault.named, "")
+        status, said = tree.python(train, TIMEOUT_S)
+    if status is None:
+        return ""
+    if status != 0:
+        return f"the run itself: {said.strip().splitlines()[-1:]}"
+    difference = differences(runs).get(fault.named)
+    return f"bpn verify, {fault.named}: {difference}" if difference else ""
 
 
 def differences(runs: Path) -> dict[str, str]:

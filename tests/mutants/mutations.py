@@ -106,7 +106,7 @@ def _other_fields(node: ast.AST) -> Iterator[tuple[str, dict[str, object]]]:
         case ast.Call(func=func, args=args, keywords=keywords):
             name = _brief(func)
             starred = any(isinstance(argument, ast.Starred) for argument in args[:2])
-            if len(args) > 1 and not starred and name not in _SYMMETRIC:
+            if len(args) > 1 and not starred and name not in _SYMMETRIC and not _same(*args[:2]):
                 yield f"{name}: arguments swapped", {"args": [args[1], args[0], *args[2:]]}
             for index, keyword in enumerate(keywords):
                 if keyword.arg not in (None, _CHECKING):
@@ -114,6 +114,10 @@ def _other_fields(node: ast.AST) -> Iterator[tuple[str, dict[str, object]]]:
                     yield f"{name}: {keyword.arg} dropped", {"keywords": rest}
         case ast.If(test=test) | ast.While(test=test) | ast.IfExp(test=test):
             yield f"if {_brief(test)} -> if not", {"test": ast.UnaryOp(ast.Not(), test)}
+
+
+def _same(one: ast.AST, other: ast.AST) -> bool:
+    return ast.dump(one) == ast.dump(other)
 
 
 def _brief(node: ast.AST) -> str:
@@ -129,7 +133,9 @@ def _is_docstring(node: ast.AST) -> bool:
 
 
 def _speaks(node: ast.AST) -> bool:
-    """Whether it is a log line, or the text of an error."""
+    """Whether it is a log line, when it is said, or the text of an error."""
+    if isinstance(node, ast.If) and not node.orelse:
+        return all(_speaks(statement) for statement in node.body)
     call = node.value if isinstance(node, ast.Expr) else node
     if not (isinstance(call, ast.Call) and isinstance(call.func, ast.Attribute)):
         return isinstance(call, ast.JoinedStr)
@@ -137,6 +143,5 @@ def _speaks(node: ast.AST) -> bool:
 
 
 def _is_speech(node: ast.AST, field: str) -> bool:
-    return (
-        isinstance(node, ast.keyword) and node.arg in ("description", "help") and field == "value"
-    )
+    silent = ("description", "help", _CHECKING)
+    return isinstance(node, ast.keyword) and node.arg in silent and field == "value"

@@ -1,37 +1,40 @@
 """A random sample of small changes to the core modules, each tried against the tests meant for its module."""
 
+import json
 import random
 import time
 import tomllib
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any, Literal
 
+from tests.mutants.modules import Module
 from tests.mutants.mutations import Mutation, mutated, mutations
-from tests.mutants.tree import ROOT, Tree
+from tests.mutants.tree import Done, Tree
 
-MODULES = Path(__file__).with_name("modules.toml")
 EQUIVALENT = Path(__file__).with_name("equivalent.toml")
 MOST_OF_A_LINE = 2
 _PATIENCE = 3.0
-_GRACE_S = 20.0
+_GRACE_S = 60.0
+_GRACE_CPU_S = 5.0
+_AS_IT_IS_S = 900.0
 
-
-def tests_of_modules() -> dict[str, list[str]]:
-    """By file: the tests that are meant for it."""
-    return tomllib.loads(MODULES.read_text())
+Verdict = Literal["killed", "hung", "survived"]
+"""hung: the tests did not end, or something did not happen in time, twice, which it does without the change."""
 
 
 def equivalent() -> dict[tuple[str, str, str], str]:
-    """(file, function, change) of changes that change nothing: why."""
+    """(module, function, change) of changes that change nothing: why."""
     entries = tomllib.loads(EQUIVALENT.read_text()).get("equivalent", [])
-    return {(e["file"], e["function"], e["change"]): e["reason"] for e in entries}
+    return {(e["module"], e["function"], e["change"]): e["reason"] for e in entries}
 
 
-def sample(file: str, count: int, seed: int) -> list[Mutation]:
+def sample(file: Path, count: int, seed: int) -> list[Mutation]:
     """Changes of a file, at most two of a line: the same for the same file and seed."""
-    found = list(mutations((ROOT / file).read_text()))
-    random.Random(f"{seed} {file}").shuffle(found)
+    found = list(mutations(file.read_text()))
+    random.Random(f"{seed} {file.name}").shuffle(found)
     of_line: Counter[int] = Counter()
     chosen: list[Mutation] = []
     for mutation in found:
@@ -42,22 +45,69 @@ def sample(file: str, count: int, seed: int) -> list[Mutation]:
 
 
 def outcomes(
-    tree: Tree, file: str, tests: Sequence[str], chosen: Sequence[Mutation]
-) -> Iterator[tuple[Mutation, str, str]]:
-    """For every change "killed", "survived" or "timeout", and what noticed it.
+    tree: Tree, module: Module, chosen: Sequence[Mutation]
+) -> Iterator[tuple[Mutation, Verdict, str]]:
+    """For every change whether it is noticed, and by which test.
 
     Raises:
         RuntimeError: the tests fail without any change.
     """
     if not chosen:
         return
-    began_s = time.monotonic()
-    outcome, said = tree.pytest(tests, 900)
-    if outcome != "passed":
-        raise RuntimeError(f"tests of {file} do not pass as it is: {said}")
-    timeout_s = _GRACE_S + _PATIENCE * (time.monotonic() - began_s)
+    suite = _Suite(tree, module)
     for mutation in chosen:
-        source = mutated((tree.path / file).read_text(), mutation)
-        with tree.changed(file, source):
-            outcome, said = tree.pytest(tests, timeout_s)
-        yield mutation, {"passed": "survived", "failed": "killed"}.get(outcome, outcome), said
+        with tree.changed(module.file, mutated((tree.path / module.file).read_text(), mutation)):
+            done = suite.run(mutation.function)
+            if done.outcome in ("deadline", "timeout"):  # which a busy machine does, too
+                done = suite.run(mutation.function)
+        verdict: Verdict = "hung"
+        if done.outcome in ("passed", "failed"):
+            verdict = "survived" if done.outcome == "passed" else "killed"
+        yield mutation, verdict, done.by
+
+
+@dataclass(frozen=True, slots=True)
+class _Note:
+    """What pytest_order tells of a test."""
+
+    seconds: float
+    functions: Sequence[str]
+
+    def runs(self, function: str) -> bool:
+        return any(f"{name}.".startswith(f"{function}.") for name in self.functions)
+
+
+class _Suite:
+    """A module's tests. Those that run the function that is changed come first, and of these the fastest."""
+
+    def __init__(self, tree: Tree, module: Module) -> None:
+        self._tree, self._tests = tree, module.tests
+        notes, self._order = tree.path / "notes.json", tree.path / "order.json"
+        began_s = time.monotonic()
+        for _ in range(2):
+            note = ("--note", module.file, str(notes))
+            done = tree.pytest(module.tests, _AS_IT_IS_S, *note)
+            if done.outcome == "passed":
+                break
+        else:
+            raise RuntimeError(f"tests of {module.file} do not pass as it is: {done}")
+        self._timeout_s = _GRACE_S + _PATIENCE * (time.monotonic() - began_s)
+        self._cpu_s = _GRACE_CPU_S + _PATIENCE * done.cpu_s
+        told: dict[str, Any] = json.loads(notes.read_text())
+        self._notes = {test: _Note(**note) for test, note in told.items()}
+        self._seconds: dict[str, float] = defaultdict(float)  # by file
+        for test, noted in self._notes.items():
+            self._seconds[_file(test)] += noted.seconds
+
+    def run(self, function: str) -> Done:
+        def rank(test: str) -> tuple[float, str, bool, float]:
+            note, file = self._notes[test], _file(test)
+            return self._seconds[file], file, not note.runs(function), note.seconds
+
+        self._order.write_text(json.dumps(sorted(self._notes, key=rank)))
+        order = ("--order", str(self._order))
+        return self._tree.pytest(self._tests, self._timeout_s, *order, cpu_s=self._cpu_s)
+
+
+def _file(test: str) -> str:
+    return test.partition("::")[0]

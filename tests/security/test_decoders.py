@@ -24,8 +24,12 @@ MEMORY_KIB = 256 * 1024
 @pytest.mark.parametrize("decoder", DECODERS, ids=lambda decoder: decoder.name)
 def test_right_inputs_are_taken(decoder: Decoder) -> None:
     for data in decoder.seeds:
-        decoder.decode(data)
-        decoder.decode(decoder.mend(data))
+        assert repr(decoder.decode(decoder.mend(data))) == repr(decoder.decode(data))
+
+
+@pytest.mark.parametrize("message", MESSAGES, ids=lambda message: type(message).__name__)
+def test_a_message_arrives_as_it_was_sent(message: Message) -> None:
+    assert type(message).decode(message.encode()) == message
 
 
 @pytest.mark.timeout(3600 if INPUTS > 100_000 else 300)

@@ -9,7 +9,8 @@ from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from typing import Any
 
-from bpn_certificates.authority import Identity
+from bpn_certificates import authority as x509
+from bpn_certificates.authority import Identity, Validity
 from bpn_certificates.folders import make
 from bpn_shared.bus.certificates import AUTHORITY, CERTIFICATE, FOLDER_VARIABLE, KEY
 from bpn_shared.bus.router_config import render, secure
@@ -34,6 +35,13 @@ class SecureRouter:
         (folder / CERTIFICATE).write_bytes(identity.certificate_pem())
         (folder / KEY).write_bytes(identity.key_pem())
         return folder
+
+    def reissue(self, role: str, validity: Validity) -> None:
+        """Gives a role another certificate, good for this time."""
+        identity = x509.issue(self.authority, role, validity)
+        for file, content in ((KEY, identity.key_pem()), (CERTIFICATE, identity.certificate_pem())):
+            (self.certificates / role / file).unlink()
+            (self.certificates / role / file).write_bytes(content)
 
     def open_as(self, name: str, deadline_s: float = 60.0) -> Bus:
         """A session with the certificates in the folder of that name."""

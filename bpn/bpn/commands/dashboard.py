@@ -1,13 +1,17 @@
 """`bpn dashboard`: care of the dashboard's database."""
 
 import argparse
+import sqlite3
 import sys
 from collections.abc import Sequence
+from pathlib import Path
 
 from bpn.dashboard import Dashboard
+from bpn.errors import CommandError
 from bpn.options import add_runs_dir
+from bpn_dashboard.database.backup import KEPT, BackupError, back_up, schema_of
 from bpn_dashboard.database.engine import Database, DatabaseError
-from bpn_dashboard.options import database_url
+from bpn_dashboard.options import DATABASE_FILE, database_url
 from bpn_dashboard.registry.store import RunStore
 from bpn_dashboard.state_lock import state_lock
 from bpn_shared.errors import InputError
@@ -23,6 +27,18 @@ def add_options(parser: argparse.ArgumentParser, _arguments: Sequence[str]) -> N
     add_runs_dir(action)
     action.add_argument("--database", metavar="URL", help="as the dashboard's own option")
     action.set_defaults(run=reindex)
+    action = actions.add_parser(
+        "backup",
+        help="copy the database, while a dashboard uses it too",
+        description="Copies the SQLite database beside it, as is done before a migration; the last "
+        f"{KEPT} copies stay. To restore one, stop the dashboard, delete the database with its -wal and -shm, and "
+        "rename the copy.",
+    )
+    add_runs_dir(action)
+    action.add_argument(
+        "--database", metavar="FILE", type=Path, help="default: the one in the runs folder"
+    )
+    action.set_defaults(run=backup)
 
 
 def reindex(options: argparse.Namespace) -> int:
@@ -47,3 +63,20 @@ def reindex(options: argparse.Namespace) -> int:
     for reason in result.damaged:
         print(f"left out: {reason}", file=sys.stderr)
     return 1 if result.damaged else 0
+
+
+def backup(options: argparse.Namespace) -> int:
+    """Copies the database, and prints where to.
+
+    Raises:
+        InputError: there is none.
+        CommandError: it cannot be copied.
+    """
+    file: Path = options.database or options.runs_dir / DATABASE_FILE
+    if not file.is_file():
+        raise InputError(f"{file}: there is no such database; --database names another file")
+    try:
+        print(back_up(file, schema_of(file)))
+    except (BackupError, sqlite3.Error) as error:
+        raise CommandError(f"the database is not copied: {error}") from error
+    return 0

@@ -1,4 +1,4 @@
-"""`bpn runs`: the runs of a dashboard, from the command line."""
+"""`bpn runs`: the runs of a folder: with a dashboard by its registry, without one as the folders say."""
 
 import argparse
 import json
@@ -11,15 +11,17 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
+from bpn.commands import removal
 from bpn.dashboard import Dashboard
+from bpn.folder_runs import FolderRuns
 from bpn.options import add_run_options, add_runs_dir, given_run_options
 from bpn.terminal import command
 from bpn_shared.errors import InputError
 from bpn_shared.runs.creation import request_values
 from bpn_shared.spec.tasks import TASK_NAMES
 
-_LIMIT = 200
-Action = Callable[[argparse.Namespace, Dashboard], Any]
+Action = Callable[[argparse.Namespace, Any], int | None]
+"""Takes the options, and the dashboard; where none is needed, `FolderRuns` if there is none."""
 
 
 def add_options(parser: argparse.ArgumentParser, arguments: Sequence[str]) -> None:
@@ -35,16 +37,36 @@ def add_options(parser: argparse.ArgumentParser, arguments: Sequence[str]) -> No
     listing.add_argument("--limit", type=int, default=50, help="at most so many (default 50)")
 
     _with_run(_action(actions, "show", _show, "what is known of a run"))
-    start = _action(actions, "start", _start, "put a new run into the queue")
+    start = _action(actions, "start", _start, "put a new run into the queue", alone=False)
     start.add_argument("task", metavar="TASK", help=f"one of: {TASK_NAMES}")
     start.add_argument("--name", default="", help="to find it again")
     start.add_argument("--tag", action="append", default=[], help="may be repeated")
     add_run_options(start, arguments)
-    _with_run(_action(actions, "stop", _stop, "ask a run's workers to stop"))
-    _with_run(_action(actions, "resume", _resume, "let workers go on with a run"))
+    _with_run(_action(actions, "stop", _stop, "ask a run's workers to stop", alone=False))
+    _with_run(_action(actions, "resume", _resume, "let workers go on with a run", alone=False))
 
-    export = _action(actions, "export", _export, "write metrics to a file", answers=False)
-    export.add_argument("run_ids", nargs="+", metavar="RUN", help="ids, or their ends")
+    _with_runs(_action(actions, "rm", removal.remove, "move runs to the trash"))
+    _with_runs(_action(actions, "restore", removal.restore, "bring runs back from the trash"))
+    _action(actions, "trash", removal.trash, "list what is in the trash")
+    empty = _action(actions, "empty-trash", removal.empty_trash, "delete removed runs for good")
+    _with_runs(empty, count="*")
+    empty.add_argument(
+        "--expired", action="store_true", help="only those that are no longer to be kept"
+    )
+    prune = _action(
+        actions, "prune", removal.prune,
+        "move old runs to the trash, but for those that are queued or learned, or have the tag 'keep'",
+    )  # fmt: skip
+    prune.add_argument("--keep", type=int, metavar="N", help="but for the N newest")
+    prune.add_argument(
+        "--older-than", type=float, metavar="DAYS", help="to which nothing has happened for so long"
+    )
+    prune.add_argument("--dry-run", action="store_true", help="only say which they would be")
+
+    export = _action(
+        actions, "export", _export, "write metrics to a file", answers=False, alone=False
+    )
+    _with_runs(export)
     export.add_argument("--metrics", default="", help="separated by commas (default: all)")
     export.add_argument("--output", type=Path, required=True, help="FILE.csv or FILE.parquet")
 
@@ -56,12 +78,13 @@ def _action(
     text: str,
     *,
     answers: bool = True,
+    alone: bool = True,
 ) -> argparse.ArgumentParser:
     parser = actions.add_parser(name, help=text, description=f"{text[0].upper()}{text[1:]}.")
     add_runs_dir(parser)
     if answers:
         parser.add_argument("--json", action="store_true", help="print JSON")
-    parser.set_defaults(run=run, act=act)
+    parser.set_defaults(run=run, act=act, alone=alone)
     return parser
 
 
@@ -69,32 +92,30 @@ def _with_run(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("run_id", metavar="RUN", help="id of the run, or its end")
 
 
+def _with_runs(parser: argparse.ArgumentParser, count: str = "+") -> None:
+    what = "ids, or their ends" if count == "+" else "ids, or their ends (default: all)"
+    parser.add_argument("run_ids", nargs=count, metavar="RUN", help=what)
+
+
 def run(options: argparse.Namespace) -> int:
-    """Does one action.
+    """Does one action; exit status 1 if a part of it could not be done.
 
     Raises:
-        InputError: no dashboard runs on these runs, or it refuses what was asked.
+        InputError: no dashboard runs on these runs and the action needs one, or it refuses what was asked.
     """
     dashboard = Dashboard.find(options.runs_dir)
-    if dashboard is None:
+    if dashboard is None and not options.alone:
         start = command("bpn", "up", "--runs-dir", options.runs_dir)
         raise InputError(
             f"no dashboard runs on --runs-dir {options.runs_dir}: start one with `{start}`"
         )
-    options.act(options, dashboard)
-    return 0
+    return options.act(options, dashboard or FolderRuns(options.runs_dir)) or 0
 
 
-def _list(options: argparse.Namespace, dashboard: Dashboard) -> None:
+def _list(options: argparse.Namespace, runs: removal.Runs) -> None:
     query = {"search": options.search, "state": options.state, "sort": options.sort}
     query["archived"] = str(options.archived).lower()
-    items: list[dict[str, Any]] = []
-    page: dict[str, Any] = {"next_cursor": ""}
-    while len(items) < options.limit and page["next_cursor"] is not None:
-        cursor = {"cursor": page["next_cursor"]} if page["next_cursor"] else {}
-        limit = min(_LIMIT, options.limit - len(items))
-        page = dashboard.runs(**query, **cursor, limit=str(limit))
-        items += page["items"]
+    items, total = runs.listed(query, options.limit)
     if options.json:
         print(json.dumps(items))
         return
@@ -112,12 +133,12 @@ def _list(options: argparse.Namespace, dashboard: Dashboard) -> None:
         )  # fmt: skip
     console = Console()
     console.print(table)
-    if page.get("total", 0) > len(items):
-        console.print(f"{len(items)} of {page['total']}; --limit shows more", style="dim")
+    if total > len(items):
+        console.print(f"{len(items)} of {total}; --limit shows more", style="dim")
 
 
-def _show(options: argparse.Namespace, dashboard: Dashboard) -> None:
-    _print(options, dashboard.named(options.run_id))
+def _show(options: argparse.Namespace, runs: removal.Runs) -> None:
+    _print(options, runs.named(options.run_id))
 
 
 def _start(options: argparse.Namespace, dashboard: Dashboard) -> None:

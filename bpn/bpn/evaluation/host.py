@@ -54,6 +54,9 @@ class TrialHost:
         self._lock = threading.Lock()
         self._episodes: dict[int, Episode] = {}
         self._held: dict[int, int] = {}  # slot: the trial that it plays
+        self._in_hand: dict[
+            int, int
+        ] = {}  # slot: the trial that it has played, and delivers meanwhile
         self._told: Counter[tuple[int, str]] = Counter()
         self.over, self.failure = threading.Event(), ""
         counters = Counters()
@@ -86,8 +89,12 @@ class TrialHost:
         return self._config.model_dump_json().encode()
 
     def _hand_out(self, body: bytes) -> bytes:
-        slot = NextEpisode.decode(body).slot
+        asked = NextEpisode.decode(body)
+        slot = asked.slot
         with self._lock:
+            self._in_hand.pop(slot, None)
+            if asked.in_hand is not None:
+                self._in_hand[slot] = asked.in_hand[1]
             trial = self._choose(slot)
             if trial is None:
                 return Assignment(verdict="wait", reason="the other robots' trials").encode()
@@ -105,9 +112,9 @@ class TrialHost:
 
     def _choose(self, slot: int) -> int | None:
         held = self._held.get(slot)
-        if held is not None and held not in self._episodes:
-            return held  # a slot that asks has nothing in hand: its edge was restarted
-        taken = self._episodes.keys() | self._held.values()
+        if held is not None and held not in self._episodes and held != self._in_hand.get(slot):
+            return held  # and has not in hand: its edge was restarted
+        taken = {*self._episodes, *self._held.values(), *self._in_hand.values()}
         return next((trial for trial in range(self._count) if trial not in taken), None)
 
     def _hear(self, body: bytes) -> bytes:

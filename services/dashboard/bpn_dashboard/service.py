@@ -25,6 +25,7 @@ from bpn_dashboard.access.tokens import LINK_S
 from bpn_dashboard.api.app import Application, create_app
 from bpn_dashboard.api.context import Context, identify
 from bpn_dashboard.api.problems import ApiError
+from bpn_dashboard.certificates import OwnCertificates
 from bpn_dashboard.database.engine import Database, DatabaseError
 from bpn_dashboard.hub.websocket import live_route
 from bpn_dashboard.live import Live, stay_joined
@@ -33,8 +34,10 @@ from bpn_dashboard.options import (
     check_options,
     database_url,
     is_secure,
+    retention,
     state_dir,
 )
+from bpn_dashboard.registry.removals import keep_tidy
 from bpn_dashboard.registry.store import RunStore
 from bpn_dashboard.registry.workplace import ConnectedWorkers
 from bpn_dashboard.series.ingest import Ingest
@@ -43,10 +46,13 @@ from bpn_dashboard.state_lock import ADDRESS_FILE, state_lock
 from bpn_shared.bus.session import prepare_process
 from bpn_shared.counters import Counters
 from bpn_shared.runs.files import write_atomically
+from bpn_shared.runs.trash import DAY_S, TRASH
 from bpn_shared.runtime.service import end_with_supervisor, set_up_logging, stop_on_signals
 from bpn_shared.spec.config import ConfigError, RunConfig
 
 log = logging.getLogger(__name__)
+
+_END_S = 10.0
 
 
 def build(
@@ -55,7 +61,8 @@ def build(
     """The application with all its parts; its lifespan starts and ends them."""
     counters, live = Counters(), Live()
     connections = listener.connections = Connections(counters)
-    runs = RunStore(database, options.runs_dir, read_only=live.read_only)
+    certificates = OwnCertificates(options.connect, options.certificate)
+    runs = RunStore(database, options.runs_dir, read_only=live.refusal)
     context = Context(
         database=database,
         runs=runs,
@@ -63,12 +70,17 @@ def build(
         counters=counters,
         place=ConnectedWorkers(lambda: live.bus, live.gpus),
         topology=live.topology.snapshot,
+        refusals=live.topology.refusals,
+        registry=live.registry,
+        certificates=certificates.current,
         obstacle=live.obstacle,
         read_only=live.read_only,
         refused=live.refused,
         secure=is_secure(options),
         open_metrics=options.open_metrics,
         connections=connections,
+        state_dir=state_dir(options),
+        trash_kept_s=options.trash_days * DAY_S,
     )
 
     @asynccontextmanager
@@ -77,17 +89,26 @@ def build(
         quiet_when_out_of_descriptors(asyncio.get_running_loop(), counters)
         watching = asyncio.create_task(connections.watch())
         await asyncio.to_thread(runs.adopt)  # whether the bus is reached or not
-        runs.subscribe(context.ingest.take_in)
-        runs.subscribe(live.publish)
+        runs.audience.subscribe(context.ingest.take_in)
+        runs.audience.subscribe(live.publish)
+        runs.audience.mourn(live.publish_gone)
         context.ingest.start()
+        certificates.start()
         joining = asyncio.create_task(stay_joined(options, context, live, stop))
+        rule = retention(options)
+        tidying = threading.Thread(
+            target=keep_tidy, args=(context.removals, rule, stop), name="tidy", daemon=True
+        )
+        tidying.start()
         try:
             yield
         finally:
             stop.set()
             watching.cancel()
             await joining
+            await asyncio.to_thread(tidying.join, _END_S)
             await asyncio.to_thread(context.ingest.close)
+            await asyncio.to_thread(certificates.close)
 
     def may_watch(connection: HTTPConnection) -> str | None:
         try:
@@ -118,6 +139,10 @@ def main(argv: list[str] | None = None) -> int:
             first_run = RunConfig.for_task(options.first_run) if options.first_run else None
             options.runs_dir.mkdir(parents=True, exist_ok=True)
             state_dir(options).mkdir(mode=0o700, parents=True, exist_ok=True)
+            with suppress(
+                OSError
+            ):  # while there is room: a disk that is full later may have none even for it
+                (options.runs_dir / TRASH).mkdir(exist_ok=True)
             stack.enter_context(state_lock(state_dir(options)))
             listener = listen(options.host, options.port)
             stack.callback(listener.close)

@@ -25,7 +25,11 @@ class DecisionFeed:
     def __init__(self, worker: Worker) -> None:
         self.scale = 0.0
         self._publisher = SampledPublisher[_Noted](
-            worker.bus, keys.decision(worker.run, worker.slot), RATE_HZ, self._encode
+            worker.bus,
+            keys.decision(worker.run, worker.slot),
+            RATE_HZ,
+            self._encode,
+            worker.counters,
         )
 
     def note(self, assignment: Assignment, action: Action, outputs: Outputs) -> None:

@@ -60,8 +60,17 @@ class EpisodeDriver:
         self._link, self._memory, self._feed = link, memory, feed
         self._silence_s = silence_s
 
-    def play(self, assignment: Assignment, choose: Choose) -> Episode | None:
+    def play(
+        self,
+        assignment: Assignment,
+        choose: Choose,
+        *,
+        meanwhile: Callable[[], None] = lambda: None,
+    ) -> Episode | None:
         """Plays the assigned episode with the weights in the active bank.
+
+        Args:
+            meanwhile: is called once the robot has begun, on this thread; frames are answered on the network's.
 
         Returns:
             The finished episode; None if the worker was stopped or a frame is missing (realtime pacing
@@ -91,6 +100,7 @@ class EpisodeDriver:
         self._link.listen(game.on_frame)
         try:
             self._link.reset(reset)
+            meanwhile()
             while not game.over.wait(_LOOK_AROUND_S):
                 if worker.stop.is_set():
                     return None

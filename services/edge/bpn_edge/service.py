@@ -62,6 +62,8 @@ def serve(worker: Worker, config: RunConfig) -> int:
         while not worker.stop.is_set():
             newest = memory.newest
             assignment = learner.next_episode(newest)
+            if assignment is None or assignment.verdict != "play":
+                learner.deliver()
             if assignment is None:
                 break
             if assignment.verdict == "finished":
@@ -76,6 +78,7 @@ def serve(worker: Worker, config: RunConfig) -> int:
             at = assignment.iteration, assignment.episode
             version, attempt = assignment.weights_version, assignment.weights_attempt
             if not memory.activate(version, _WEIGHTS_TIMEOUT_S, attempt=attempt):
+                learner.deliver()
                 hopeless = memory.why_never(version)
                 worker.waiting.set(hopeless or f"weights version {version} of attempt {attempt}")
                 if hopeless is not None:
@@ -87,10 +90,11 @@ def serve(worker: Worker, config: RunConfig) -> int:
             worker.weights.note("running", memory.weights)
             feed.scale = memory.weights.scale
             try:
-                episode = driver.play(assignment, chooser(config, assignment, memory.weights.scale))
+                choose = chooser(config, assignment, memory.weights.scale)
+                episode = driver.play(assignment, choose, meanwhile=learner.deliver)
                 # What a damaged bank played is no data: it is asked for, and played, again.
                 if episode is not None and memory.is_intact():
-                    learner.deliver(episode)
+                    learner.take_in_hand(episode)
             except EpisodeFault as fault:
                 faults.tell(*at, str(fault))
     return EXIT_FINISHED

@@ -26,12 +26,6 @@ def mellowmax(P: Tensor, beta: float) -> Tensor:
     return top.squeeze(-1) + torch.log1p(excess) / beta
 
 
-def softmax_policy(P: Tensor, beta: float) -> Tensor:
-    """pi(s,a) = exp(beta P(s,a)) / sum_b exp(beta P(s,b)), section III-B; the shape of P."""
-    top = P.amax(dim=-1, keepdim=True)
-    return torch.softmax(beta * (P - top), dim=-1)
-
-
 def cvi_target(
     reward: Tensor,
     P_s: Tensor,

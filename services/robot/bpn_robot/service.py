@@ -58,7 +58,11 @@ class RobotService:
         """Realtime: arrived, and yet to act."""
         self._frames = LatestPublisher(worker.bus, keys.frame(worker.run, worker.slot), "frame")
         self._previews = SampledPublisher(
-            worker.bus, keys.preview(worker.run, worker.slot), _PREVIEW_HZ, _preview
+            worker.bus,
+            keys.preview(worker.run, worker.slot),
+            _PREVIEW_HZ,
+            _preview,
+            worker.counters,
         )
         self._seen: deque[bytes] = deque(maxlen=self._task.frames_stacked)
         self._actions = LatestSubscriber(worker.bus, keys.action(worker.run, worker.slot))

@@ -63,6 +63,18 @@ def obstacle(
         return _network_obstacle(error, host, port)
 
 
+def router_certificate(endpoint: str) -> CertificateFacts | None:
+    """The certificate that a router presents, trusted or not; None: nobody presents one there.
+
+    Args:
+        endpoint: the router's, in Zenoh's form.
+    """
+    match = _ENDPOINT.fullmatch(endpoint)
+    if match is None or match["protocol"] != "tls":
+        return None
+    return _peer((match["host"], int(match["port"])))
+
+
 def _network_obstacle(error: Exception, host: str, port: int) -> str:
     if isinstance(error, ConnectionRefusedError):
         return f"nobody listens at {host} port {port}; {_REMEDY}"
@@ -174,7 +186,7 @@ def _peer(address: tuple[object, ...]) -> CertificateFacts | None:
     context = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
     context.check_hostname, context.verify_mode = False, ssl.CERT_NONE
     with (
-        suppress(OSError, ValueError),
+        suppress(OSError, OverflowError, ValueError),  # UnicodeError is a ValueError
         socket.create_connection((str(address[0]), address[1]), TIMEOUT_S) as connection,  # type: ignore[arg-type]
         context.wrap_socket(connection) as secured,
     ):

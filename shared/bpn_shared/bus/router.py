@@ -22,6 +22,7 @@ from bpn_shared.errors import InputError
 from bpn_shared.runtime.heartbeat import Heartbeat
 from bpn_shared.runtime.service import end_with_supervisor, set_up_logging, stop_on_signals
 from bpn_shared.spec.config import ConfigError
+from bpn_shared.version_option import add_version_option
 
 log = logging.getLogger("bpn_router")
 
@@ -159,6 +160,7 @@ def _own_door(endpoint: str) -> str:
 def main(argv: list[str] | None = None) -> int:
     """Runs the router until SIGINT or SIGTERM. Exit status: 0 stopped, 2 it cannot listen there."""
     parser = argparse.ArgumentParser(prog="bpn-router", description=__doc__)
+    add_version_option(parser)
     parser.add_argument(
         "--listen", help=f"endpoint (default: as the file says, else {DEFAULT_ENDPOINT})"
     )

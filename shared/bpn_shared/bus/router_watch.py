@@ -11,6 +11,7 @@ from bpn_shared.bus.certificates import own_certificates
 from bpn_shared.bus.obstacle import obstacle
 from bpn_shared.bus.renewal import CertificateWatch
 from bpn_shared.bus.session import Bus, BusError
+from bpn_shared.bus.x509 import Life
 from bpn_shared.closing import Closing
 from bpn_shared.counters import Counters
 from bpn_shared.waiting import Waiting
@@ -91,6 +92,11 @@ class RouterWatch(Closing):
         self._thread = threading.Thread(target=self._watch, name="router watch", daemon=True)
         self._thread.start()
 
+    @property
+    def certificate(self) -> Life | None:
+        """For how long the certificates are good with which the router is reached; None: without any."""
+        return None if self._certificate is None else self._certificate.life
+
     @contextlib.contextmanager
     def holding_for(self, after_s: float, stop: threading.Event) -> Iterator[None]:
         """Sets `stop` if the router is lost for longer while the body runs, which then ends the work.
@@ -113,8 +119,8 @@ class RouterWatch(Closing):
         while not self._closed.wait(self._period_s):
             try:
                 self._look()
-            except Exception:
-                log.exception("watching the router failed")
+            except Exception as error:
+                self._counters.fault("router_watch_failed", "watching the router", error)
 
     def _look(self) -> None:
         if self._certificate is not None:

@@ -33,6 +33,7 @@ from bpn_shared.runtime.worker import (
     service_name,
 )
 from bpn_shared.spec.config import RunConfig
+from bpn_shared.version_option import add_version_option
 
 log = logging.getLogger(__name__)
 
@@ -40,6 +41,7 @@ log = logging.getLogger(__name__)
 def argument_parser(kind: Role, description: str | None) -> argparse.ArgumentParser:
     """The options that every worker has."""
     parser = argparse.ArgumentParser(prog=f"bpn-{kind.replace('_', '-')}", description=description)
+    add_version_option(parser)
     parser.add_argument(
         "--run", type=UUID, help="id of the run (default: whichever the registry leases)"
     )

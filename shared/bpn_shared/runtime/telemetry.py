@@ -15,9 +15,11 @@ import numpy.typing as npt
 
 from bpn_shared.bnn.weights import Weights
 from bpn_shared.bus.traffic import Tally, Traffic
+from bpn_shared.bus.x509 import Life
 from bpn_shared.counters import Counters
 from bpn_shared.messages.control import MAX_REASON
 from bpn_shared.messages.telemetry import (
+    CertificateLife,
     KeyTraffic,
     Percentiles,
     Telemetry,
@@ -117,6 +119,7 @@ class Reporter:
 
     Args:
         place: asked for every report: the run and slot that it works on may change.
+        certificate: asked likewise: the life of its certificates on the bus, None without.
     """
 
     def __init__(
@@ -130,10 +133,12 @@ class Reporter:
         counters: Counters,
         latencies: Latencies,
         weights: WeightsMarks,
+        certificate: Callable[[], Life | None] = lambda: None,
     ) -> None:
         self._kind, self._worker, self._place = kind, worker, place
         self._traffic, self._waiting, self._counters = traffic, waiting, counters
         self._latencies, self._weights = latencies, weights
+        self._certificate = certificate
         self._usage = ProcessUsage()
         self._start_s = time.monotonic()
         self._clock = monotonic_clock()
@@ -170,6 +175,7 @@ class Reporter:
             },
             version=VERSION,
             protocol=PROTOCOL,
+            certificate=_certificate_life(self._certificate()),
         )
 
     def answer(self, _request: bytes) -> bytes:
@@ -185,6 +191,12 @@ def _key_traffic(key: str, direction: Literal["sent", "received"], tally: Tally)
         bytes=tally.bytes,
         dropped=tally.dropped,
     )
+
+
+def _certificate_life(life: Life | None) -> CertificateLife | None:
+    if life is None:
+        return None
+    return CertificateLife(start_unix_s=life.start.timestamp(), end_unix_s=life.end.timestamp())
 
 
 def monotonic_clock() -> str:

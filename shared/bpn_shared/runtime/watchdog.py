@@ -5,10 +5,10 @@ played; the latter only as many as two episodes have, because an edge that plays
 gets nowhere.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
-from typing import NamedTuple
+from typing import Literal, NamedTuple, get_args
 
 from bpn_shared.messages.telemetry import Telemetry
 
@@ -21,14 +21,41 @@ EPISODES_STORED, EPOCHS_DONE, STEPS_PLAYED = "episodes_stored", "epochs_done", "
 """Counters that tell of progress: the first two are the learner's, the last one is the edge's."""
 
 _MOST_REASONS = 4
+_MOST_REFUSED = 2
 _KINDS = ("learner", "edge", "robot_sim")
 
 
+CauseKind = Literal[
+    "router", "queue", "owner", "silent", "service", "place", "refusal", "worker", "disk", "computing", "nobody"
+]  # fmt: skip
+"""Why a run stands still, for who counts: the router is not reached; it has no learner yet; its folder is held by
+somebody unknown; a service of it is silent, or waits for something; robots or edges are missing; a service refused
+something; workers are there and cannot be used; the disk; its learner computes; nobody reports from it."""
+CAUSE_KINDS: tuple[CauseKind, ...] = get_args(CauseKind)
+
+
+class Cause(NamedTuple):
+    """One of the reasons why a run stands still: its kind, and a sentence for people."""
+
+    kind: CauseKind
+    text: str
+
+
+def sentence(causes: Iterable[Cause]) -> str:
+    """What a run waits for, for people. It stays the same while the causes do."""
+    return "; ".join(cause.text for cause in causes)
+
+
 class Stall(NamedTuple):
-    """A run makes no progress: for how long, and why. The reason stays the same while its cause does."""
+    """A run makes no progress: for how long, and why."""
 
     for_s: float
-    reason: str
+    causes: tuple[Cause, ...]
+
+    @property
+    def reason(self) -> str:
+        """Why, for people."""
+        return sentence(self.causes)
 
 
 @dataclass(frozen=True)
@@ -125,45 +152,50 @@ class Watchdog:
     def stall(self, now_s: float, around: Circumstances) -> Stall | None:
         """How long the run has made no progress, and why; None: that is not yet long."""
         for_s = now_s - self._since_s
-        return Stall(for_s, self.reason(now_s, around)) if for_s >= STALLED_AFTER_S else None
+        return Stall(for_s, self.causes(now_s, around)) if for_s >= STALLED_AFTER_S else None
 
-    def reason(self, now_s: float, around: Circumstances) -> str:
+    def causes(self, now_s: float, around: Circumstances) -> tuple[Cause, ...]:
         """What the run waits for."""
         if around.router:
-            return around.router
-        reasons = [*self._reasons(now_s, around), *around.refused]
+            return (Cause("router", around.router),)
+        causes = [*self._causes(now_s, around)][:_MOST_REASONS]
+        causes += [Cause("worker", why) for why in around.refused[:_MOST_REFUSED]]
         if around.disk:
-            reasons.append(around.disk)
-        if not reasons:
-            reasons = ["its learner computes" if self._learner() else "nobody reports from it"]
-        return "; ".join(reasons[:_MOST_REASONS])
+            causes.append(Cause("disk", around.disk))
+        if not causes:
+            learner = Cause("computing", "its learner computes")
+            causes = [learner if self._learner() else Cause("nobody", "nobody reports from it")]
+        return tuple(causes)
 
     def _learner(self) -> _Heard | None:
         return next((h for h in self._heard.values() if _is_first_learner(h.report)), None)
 
-    def _reasons(self, now_s: float, around: Circumstances) -> Iterator[str]:
+    def _causes(self, now_s: float, around: Circumstances) -> Iterator[Cause]:
         learner = self._learner()
         if learner is not None and now_s - learner.at_s > SILENT_AFTER_S:
-            yield f"its owner {learner.report.worker} is silent since {_time(learner.report)}"
+            since = _time(learner.report)
+            yield Cause("silent", f"its owner {learner.report.worker} is silent since {since}")
         if learner is None and around.owner:
-            yield around.owner
+            yield Cause("owner", around.owner)
         elif around.queue:
-            yield around.queue
+            yield Cause("queue", around.queue)
         ordered = sorted(
             self._heard.values(), key=lambda h: (_KINDS.index(h.report.kind), h.report.slot or 0)
         )
         fresh = [heard for heard in ordered if now_s - heard.at_s <= SILENT_AFTER_S]
         for heard in fresh:
             if heard.report.waiting_for:
-                yield f"{_name(heard.report)} waits for {heard.report.waiting_for}"
+                waits = f"{_name(heard.report)} waits for {heard.report.waiting_for}"
+                yield Cause("service", waits)
         for heard in ordered:
             if heard not in fresh and heard is not learner:
-                yield f"{_name(heard.report)} is silent since {_time(heard.report)}"
+                silent = f"{_name(heard.report)} is silent since {_time(heard.report)}"
+                yield Cause("silent", silent)
         if learner is not None:
-            yield from around.lacking
+            yield from (Cause("place", what) for what in around.lacking)
         for heard in fresh:
             if (refusal := _newest_refusal(heard)) is not None:
-                yield f"{_name(heard.report)} refused: {refusal}"
+                yield Cause("refusal", f"{_name(heard.report)} refused: {refusal}")
 
 
 def _gained(counter: str, before: Telemetry, now: Telemetry) -> int:

@@ -85,10 +85,11 @@ class WorkerProcess:
             counters=self.counters,
             latencies=self.latencies,
             weights=self.weights,
+            certificate=lambda: None if self.router is None else self.router.certificate,
         )
         with (
             contextlib.closing(
-                TelemetryPublisher(self.bus, self.kind, self.id, reporter.report),
+                TelemetryPublisher(self.bus, self.kind, self.id, reporter.report, self.counters),
             ),
             Responder(self.bus, keys.health(self.kind, self.id), reporter.answer, self.counters),
             AliveToken(self.bus, self.kind, self.id),

@@ -19,6 +19,7 @@ from bpn.outputs import check_output
 from bpn_shared.errors import InputError
 from bpn_shared.runs.folder import RunFolder
 from bpn_shared.spec.config import RunConfig
+from bpn_shared.version import describe
 
 HEAVY = ("torch", "numpy", "pydantic", "httpx", "rich", "zenoh", "mujoco", "fastapi", "sqlalchemy")
 Command = Callable[..., list[str]]
@@ -74,7 +75,8 @@ def test_it_tells_its_version(capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as ended:
         main(["--version"])
     assert ended.value.code == 0
-    assert capsys.readouterr().out == f"bpn {version('bpn')}\n"
+    assert capsys.readouterr().out == f"bpn {describe()}\n"
+    assert describe().startswith(f"{version('bpn')}, protocol ")
 
 
 @pytest.mark.parametrize(

@@ -200,3 +200,4 @@ def test_a_closed_loop_ends_nothing_but_the_view() -> None:
     loop.close()
     for number in range(100):
         published.put(number)
+    assert published.after(0, 100) == []

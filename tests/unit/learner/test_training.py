@@ -12,14 +12,16 @@ from uuid import UUID
 import pytest
 from played import CONFIG, played
 
+from bpn_learner import training as training_module
 from bpn_learner.checkpoint import CheckpointError, encode_checkpoint
 from bpn_learner.episodes import DataError
 from bpn_learner.export import export
+from bpn_learner.group import GroupLostError
 from bpn_learner.initial import initial_policy
 from bpn_learner.ledger import EpisodeLedger
 from bpn_learner.reward import episode_rewards
 from bpn_learner.storage import StorageError
-from bpn_learner.training import Training
+from bpn_learner.training import GIVE_UP_AFTER, Training
 from bpn_learner.transitions import EpisodeData, Transitions
 from bpn_learner.update import PolicyUpdate, policy_update
 from bpn_shared.bnn.weights import Weights
@@ -361,6 +363,40 @@ def test_the_wait_for_room_ends_with_a_stop(
         with edge.at(ledger):
             assert not training.run()
     assert "room on the disk: cannot write metrics" in (waiting.snapshot()[0] or "")
+
+
+def losing(monkeypatch: pytest.MonkeyPatch, times: int) -> list[int]:
+    """The first updates lose a learner when they are nearly done."""
+    tried: list[int] = []
+
+    def update(*arguments: Any, **more: Any) -> Any:
+        report = policy_update(*arguments, **more)
+        tried.append(1)
+        if len(tried) <= times:
+            raise GroupLostError("learner-2 is gone")
+        return report
+
+    monkeypatch.setattr(training_module, "policy_update", update)
+    return tried
+
+
+def test_an_update_that_lost_a_learner_begins_again_from_the_checkpoint(
+    runs: Runs, folder: RunFolder, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    tried = losing(monkeypatch, 2)
+    train(folder)
+    assert shas(folder) == shas(runs.whole)
+    assert len(tried) == 4  # of two iterations
+
+
+def test_updates_that_lose_a_learner_each_time_have_an_end(
+    folder: RunFolder, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    tried = losing(monkeypatch, 1000)
+    with pytest.raises(GroupLostError, match="learner-2"):
+        train(folder)
+    assert len(tried) == GIVE_UP_AFTER
+    assert len(folder.metrics()) == INTERRUPTED
 
 
 def test_a_learner_that_was_replaced_publishes_nothing_more(folder: RunFolder) -> None:

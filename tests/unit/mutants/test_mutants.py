@@ -1,14 +1,20 @@
 """That what `make mutants` does is what it says: faults still apply, changes are changes, samples repeat."""
 
 import ast
+import json
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 
+from tests.mutants import sampled
 from tests.mutants.aimed import Fault, faults
+from tests.mutants.modules import Module, modules
 from tests.mutants.mutations import mutated, mutations
-from tests.mutants.sampled import MOST_OF_A_LINE, equivalent, sample
-from tests.mutants.sampled import tests_of_modules as meant_for
-from tests.mutants.tree import ROOT
+from tests.mutants.results import document
+from tests.mutants.sampled import MOST_OF_A_LINE, equivalent, outcomes, sample
+from tests.mutants.tree import ROOT, Tree
 
 CHECKED_BY_VERIFY = {
     "initial weights", "seeds", "outputs", "actions", "rewards", "returns", "epsilon", "updates",
@@ -45,8 +51,10 @@ def test_a_fault_that_no_longer_applies_is_said() -> None:
         ("def f(n=3):\n    return n", {"def f(n=4):\n    return n", "def f(n=2):\n    return n",
                                          "def f(n=3):\n    return None"}),
         ("f(a, b, c=1)", {"pass", "f(b, a, c=1)", "f(a, b)", "f(a, b, c=2)", "f(a, b, c=0)"}),
+        ("x = f(a, a, strict=True)", set()),
         ("x = not a + b", {"x = a + b", "x = not a - b"}),
         ("raise E", {"pass"}),
+        ("if n < 3:\n    log.info(n)", set()),
         ("a.b = c", {"pass"}),
         ("x += 1", {"pass", "x += 2", "x += 0"}),
         ('"""says"""\nlog.info("%d", 3)\nx: int = y', set()),
@@ -56,22 +64,118 @@ def test_changes_are_those_that_slips_are(source: str, changes: set[str]) -> Non
     assert {mutated(source, mutation) for mutation in mutations(source)} == changes
 
 
-@pytest.mark.parametrize("file", meant_for())
-def test_a_sample_repeats_and_takes_no_line_too_often(file: str) -> None:
+@pytest.mark.parametrize("module", modules().values(), ids=modules().keys())
+def test_a_sample_repeats_and_takes_no_line_too_often(module: Module) -> None:
+    file = ROOT / module.file
     chosen = sample(file, 10, seed=1)
     assert chosen == sample(file, 10, seed=1)
     assert chosen[:3] != sample(file, 10, seed=2)[:3]
     lines = [mutation.line for mutation in chosen]
     assert max(map(lines.count, lines)) <= MOST_OF_A_LINE
-    source = (ROOT / file).read_text()
-    assert all(mutated(source, m) != ast.unparse(ast.parse(source)) for m in chosen)
-    assert all((ROOT / test).exists() for test in meant_for()[file])
+    source = file.read_text()
+    plain = ast.unparse(ast.parse(source))
+    assert all(mutated(source, mutation) != plain for mutation in chosen[:3])
+    assert all((ROOT / test).exists() for test in module.tests)
 
 
 def test_what_is_excused_is_still_there() -> None:
     there = {
-        (file, mutation.function, mutation.change)
-        for file in {file for file, _, _ in equivalent()}
-        for mutation in mutations((ROOT / file).read_text())
+        (name, mutation.function, mutation.change)
+        for name in {name for name, _, _ in equivalent()}
+        for mutation in mutations((ROOT / modules()[name].file).read_text())
     }
     assert equivalent().keys() <= there
+    assert all(equivalent().values())
+
+
+SMALL = {
+    "small.py": """
+def tested(x):
+    return x + x
+
+def waited_for():
+    return [1]
+
+def counted():
+    n = 3
+    while n > 0:
+        n -= 1
+    return n
+
+def forgotten(x):
+    return x + x
+""",
+    "test_small.py": """
+import pytest, small
+
+def test_without_it():
+    pass
+
+def test_a_wait():
+    if small.waited_for() != [1]:
+        pytest.fail("waited 20 s for news")
+
+def test_sum():
+    assert small.tested(3) == 6
+
+def test_count():
+    assert small.counted() == 0
+""",
+}
+
+
+@pytest.fixture
+def small(tmp_path: Path) -> Iterator[Tree]:
+    source = tmp_path / "source"
+    (source / "tests" / "mutants").mkdir(parents=True)
+    for name in ("pytest_order.py", "warm.py"):
+        shutil.copy(ROOT / "tests" / "mutants" / name, source / "tests" / "mutants")
+    for name, text in SMALL.items():
+        (source / name).write_text(text)
+    tree = Tree(tmp_path / "copy", source, libraries=["hypothesis"])
+    yield tree
+    tree.close()
+
+
+def test_verdicts_are_of_the_tests_that_run_what_changed(
+    small: Tree, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sampled, "_GRACE_CPU_S", 1.0)
+    module = Module("small", "small.py", ("test_small.py",))
+    wanted = ("return x", "return [1]", "n -= 1 removed")
+    chosen = [m for m in mutations(SMALL["small.py"]) if m.change.startswith(wanted)]
+    found = {m.function: (verdict, by) for m, verdict, by in outcomes(small, module, chosen)}
+    assert found == {
+        "tested": ("killed", "test_small.py::test_sum"),
+        "waited_for": ("hung", "test_small.py::test_a_wait"),
+        "counted": ("hung", ""),
+        "forgotten": ("survived", ""),
+    }
+    assert (small.path / "small.py").read_text() == SMALL["small.py"]
+    order = json.loads((small.path / "order.json").read_text())
+    assert len(order) == 4
+
+
+def test_tests_that_fail_without_a_change_are_said(small: Tree) -> None:
+    module = Module("small", "small.py", ("test_small.py",))
+    (small.path / "small.py").write_text("tested = waited_for = None")
+    with pytest.raises(RuntimeError, match="do not pass as it is"):
+        list(outcomes(small, module, [*mutations(SMALL["small.py"])]))
+
+
+def test_what_is_equivalent_does_not_count() -> None:
+    records = [
+        {"what": str(number), "module": "m", "verdict": verdict, "by": "why"}
+        for number, verdict in enumerate(["killed", "hung", "survived", "equivalent", "killed"])
+    ]
+    aimed = [
+        {"what": "a", "verdict": "noticed", "by": "bpn verify, seeds: 1"},
+        {"what": "b", "verdict": "missed", "by": ""},
+    ]
+    found = document(aimed, records, seed=3)
+    total = found["sampled"]["total"]
+    assert (total["changes"], total["counted"], total["noticed"], total["share"]) == (5, 4, 3, 0.75)
+    assert found["sampled"]["survivors"] == ["2"]
+    assert found["sampled"]["equivalent"] == {"3": "why"}
+    assert (found["aimed"]["share"], found["aimed"]["by_verify"]) == (0.5, 1)
+    assert found["how"] == {"seed": 3}

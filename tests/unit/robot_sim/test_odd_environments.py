@@ -276,6 +276,14 @@ def test_pictures_that_differ_in_one_pixel_are_enough() -> None:
     assert why_blind([*frames, changed]) is None
 
 
+@given(st.integers(2, 5))
+def test_pictures_that_never_change_are_blind_and_one_alone_is_not(count: int) -> None:
+    seen = np.zeros((1, 84, 84), np.uint8)
+    seen[0, :40] = 255
+    assert f"all its {count} pictures are alike" in (why_blind([seen] * count) or "")
+    assert why_blind([seen]) is None
+
+
 def test_an_episode_that_ends_at_once_is_begun_anew_by_the_probe() -> None:
     begun = []
 

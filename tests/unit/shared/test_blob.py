@@ -1,3 +1,4 @@
+import hashlib
 import struct
 from dataclasses import replace
 from uuid import UUID
@@ -85,6 +86,29 @@ def test_paper_sized_policy_is_eleven_kilobytes() -> None:
     assert 10_900 < encoded_size(spec) < 11_800
 
 
+def test_layers_are_the_papers() -> None:
+    """Kernel, stride, sizes; the largest sum is of a picture that is white where the signs are plus."""
+    found = [
+        (a.in_size, a.kernel, a.stride, a.out_size, a.weight_shape, a.max_output)
+        for a in NetworkSpec(6, 100, 17).layers
+    ]
+    assert found == [
+        (84, 8, 4, 20, (8, 384), 384 * 255),
+        (20, 4, 2, 9, (16, 128), 128),
+        (9, 3, 1, 7, (16, 144), 144),
+        (7, 7, 1, 1, (100, 784), 784),
+        (1, 1, 1, 1, (17, 100), 100),
+    ]
+
+
+@given(blobs)
+def test_a_probe_is_an_observation_and_always_the_same(blob: WeightBlob) -> None:
+    probe = blob.spec.probe()
+    assert (probe.dtype, probe.shape) == (np.uint8, blob.spec.observation_shape)
+    assert (probe.min(), probe.max()) == (0, 255)
+    np.testing.assert_array_equal(probe, blob.spec.probe())
+
+
 @given(blobs, st.data())
 def test_any_flipped_bit_is_refused(blob: WeightBlob, data: st.DataObject) -> None:
     encoded = bytearray(blob.encode())
@@ -116,10 +140,33 @@ def test_a_wrong_geometry_names_the_value() -> None:
         WeightBlob.decode(header + bytes(100))
 
 
+@pytest.mark.parametrize(
+    ("place", "value", "reason"),
+    [(0, b"BPNX", "starts with b'BPNX'"), (4, b"\x02\x00", "blob schema 2, this program reads 1")],
+)
+def test_another_format_is_refused_although_its_digest_is_right(
+    place: int, value: bytes, reason: str
+) -> None:
+    data = bytearray(SMALL.encode()[:-32])
+    data[place : place + len(value)] = value
+    with pytest.raises(BlobError, match=reason):
+        WeightBlob.decode(bytes(data) + hashlib.sha256(data).digest())
+
+
 @pytest.mark.parametrize("scale", [0.0, -1.0, float("nan"), float("inf"), 1e-60])
 def test_a_scale_that_is_no_positive_float32_is_refused(scale: float) -> None:
     with pytest.raises(BlobError, match="scale"):
         replace(SMALL, scale=scale)
+
+
+@pytest.mark.parametrize("name", ["attempt", "version"])
+def test_provenance_is_an_unsigned_32_bit_number(name: str) -> None:
+    for value in (0, 2**32 - 1):
+        given = replace(SMALL, **{name: value})
+        assert getattr(WeightBlob.decode(given.encode()), name) == value
+    for value in (-1, 2**32):
+        with pytest.raises(BlobError, match=f"{name} = {value} is outside 0..4294967295"):
+            replace(SMALL, **{name: value})
 
 
 def test_parts_of_another_geometry_are_refused() -> None:

@@ -18,7 +18,13 @@ from bpn_shared.messages.episode import Episode, EpisodeMeta
 from bpn_shared.messages.frame import FrameHeader, FrameKind, decode_frame
 from bpn_shared.messages.metrics import MetricsBatch, Point
 from bpn_shared.messages.preview import PreviewHeader, check_pixels
-from bpn_shared.messages.telemetry import KeyTraffic, Percentiles, Telemetry, WeightsMark
+from bpn_shared.messages.telemetry import (
+    CertificateLife,
+    KeyTraffic,
+    Percentiles,
+    Telemetry,
+    WeightsMark,
+)
 from bpn_shared.spec.tasks import task_named
 
 REACHING = task_named("reaching")
@@ -71,6 +77,7 @@ MESSAGES = [
         weights={"loaded": WeightsMark(attempt=1, version=2, time_ns=3)},
         latencies={"edge_us": Percentiles(count=1, p50_us=-1.5, p95_us=2.0, p99_us=2.0, max_us=9.0)},
         traffic=[KeyTraffic(key="a/b", direction="sent", messages=1, bytes=2, dropped=0)],
+        certificate=CertificateLife(start_unix_s=1.0, end_unix_s=2.5),
     ),
 ]  # fmt: skip
 DECODERS: list[tuple[bytes, Callable[[bytes], object]]] = [

@@ -1,4 +1,4 @@
-"""Runs: list, start, annotate, stop, resume, archive."""
+"""Runs: list, start, annotate, stop, resume, archive; many at once."""
 
 from collections.abc import Callable
 from functools import partial
@@ -231,6 +231,8 @@ def _one_of_many(parts: Context, who: Identity, action: str, run_id: str) -> Bul
         "resume": partial(_resume, parts),
         "archive": parts.runs.archive,
         "unarchive": parts.runs.unarchive,
+        "remove": parts.removals.remove,
+        "restore": parts.removals.restore,
     }
     try:
         acts[action](run_id, who.name)

@@ -25,7 +25,7 @@ class Presence:
             weights=WeightsMarks(),
         )
         self._token = AliveToken(bus, KIND, name)
-        self._telemetry = TelemetryPublisher(bus, KIND, name, reporter.report)
+        self._telemetry = TelemetryPublisher(bus, KIND, name, reporter.report, counters)
 
     def close(self) -> None:
         """Ends the telemetry; the token goes with the session."""
