@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from gymnasium.spaces import Box, Discrete
 from learner_side import RUN, LearnerSide
-from loop_parts import EvilRobot, Headers, Running
+from loop_parts import Headers, Running, Scene, good
 
 from bpn.evaluation.host import EVALUATION, TrialHost
 from bpn_edge import memory as edge_memory
@@ -20,16 +20,12 @@ from bpn_robot_sim import worker as robot_sim
 from bpn_shared.bnn import golden
 from bpn_shared.bnn.blob import BlobError, WeightBlob
 from bpn_shared.bus.session import Bus
-from bpn_shared.messages.frame import FrameHeader, FrameKind
+from bpn_shared.messages.frame import FrameKind
 from bpn_shared.spec.config import RunConfig
 from bpn_shared.spec.seeds import episode_seed
 
 REACHING = RunConfig.for_task("reaching", nodes=16, steps=3)
 OpenBus = Callable[[], Bus]
-
-
-def good(header: FrameHeader, _step: int) -> FrameHeader:
-    return header
 
 
 def at(wanted: int, **changes: Any) -> Headers:
@@ -77,28 +73,22 @@ EVIL = {
 
 @pytest.mark.parametrize(("config", "bend", "reason"), EVIL.values(), ids=EVIL.keys())
 def test_frames_that_no_robot_sends_are_faults_and_the_edge_lives(
-    open_bus: OpenBus,
-    running: Callable[..., Running],
+    scene: Callable[..., Scene],
     config: RunConfig,
     bend: Headers,
     reason: str,
 ) -> None:
-    learner = LearnerSide(open_bus(), config)
-    learner.publish(1, 7)
-    robot = EvilRobot(open_bus(), config, bend)
-    service = running("edge", edge.serve, config)
-    try:
-        reasons = learner.wait_faults(3)
-        assert len(set(reasons)) == 1, "what is the same each time is told in the same words"
-        assert re.fullmatch(reason, reasons[0])
-        assert learner.faults[0].worker == "edge-1"
-        assert service.counters["frames_refused"] >= 3
-        assert learner.delivered == []
-        robot.bend = good
-        episode = learner.next_delivery()
-        assert episode.steps == 3
-    finally:
-        robot.end()
+    playing = scene(config, bend)
+    learner, service = playing.learner, playing.begin()
+    reasons = learner.wait_faults(3)
+    assert len(set(reasons)) == 1, "what is the same each time is told in the same words"
+    assert re.fullmatch(reason, reasons[0])
+    assert learner.faults[0].worker == "edge-1"
+    assert service.counters["frames_refused"] >= 3
+    assert learner.delivered == []
+    playing.robot.bend = good
+    episode = learner.next_delivery()
+    assert episode.steps == 3
 
 
 class Trap(gymnasium.Env[Any, Any]):
