@@ -18,7 +18,8 @@ from bpn_edge import service as edge
 from bpn_edge.kernel.native import NativeKernel
 from bpn_robot_sim import worker as robot_sim
 from bpn_shared.bnn import golden
-from bpn_shared.bnn.blob import BlobError, WeightBlob
+from bpn_shared.bnn.blob import WeightBlob
+from bpn_shared.bnn.envelope import BlobError
 from bpn_shared.bus.session import Bus
 from bpn_shared.messages.frame import FrameKind
 from bpn_shared.spec.config import RunConfig
