@@ -5,9 +5,9 @@ import ssl
 from pathlib import Path
 from urllib.parse import urlsplit
 
-from bpn_dashboard.access.guard import is_loopback
 from bpn_dashboard.database.engine import sqlite_url
 from bpn_dashboard.registry.retention import Rule
+from bpn_shared.bus.address import is_loopback
 from bpn_shared.bus.certificates import client_tls
 from bpn_shared.bus.endpoint import check_endpoint
 from bpn_shared.bus.session import DEFAULT_ENDPOINT

@@ -1,11 +1,22 @@
-"""Under which address others that use the same router reach this machine."""
+"""Addresses: which only this machine reaches, and under which others that use the same router reach it."""
 
 import socket
+from ipaddress import ip_address
 
 from bpn_shared.bus.endpoint import network
 from bpn_shared.spec.config import ConfigError
 
 LOOPBACK = "127.0.0.1"
+
+
+def is_loopback(host: str) -> bool:
+    """Whether only this machine reaches that address."""
+    if host == "localhost":
+        return True
+    try:
+        return ip_address(host).is_loopback
+    except ValueError:
+        return False
 
 
 def own_address(endpoint: str) -> str:

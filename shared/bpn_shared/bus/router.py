@@ -5,12 +5,12 @@ import json
 import logging
 import threading
 import time
-from ipaddress import ip_address
 from pathlib import Path, PurePosixPath
 
 import zenoh
 
 from bpn_shared.backoff import Backoff
+from bpn_shared.bus.address import is_loopback
 from bpn_shared.bus.certificates import CertificateError, CertificateFiles
 from bpn_shared.bus.endpoint import check_endpoint
 from bpn_shared.bus.obstacle import obstacle, own_obstacle, plain
@@ -101,12 +101,7 @@ def is_local(endpoint: str) -> bool:
     if protocol == "unixsock-stream":
         return True
     host = address.rpartition(":")[0].strip("[]")
-    if host == "localhost":
-        return True
-    try:
-        return ip_address(host).is_loopback
-    except ValueError:
-        return False
+    return is_loopback(host)
 
 
 def certificate_files(config: zenoh.Config) -> CertificateFiles | None:

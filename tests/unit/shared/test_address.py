@@ -2,7 +2,7 @@ import re
 
 import pytest
 
-from bpn_shared.bus.address import own_address
+from bpn_shared.bus.address import is_loopback, own_address
 from bpn_shared.bus.endpoint import check_endpoint
 from bpn_shared.bus.session import Bus
 from bpn_shared.errors import InputError
@@ -66,3 +66,12 @@ def test_what_is_no_endpoint_is_refused_and_not_waited_for(endpoint: str) -> Non
 )
 def test_endpoints_of_every_form_are_taken(endpoint: str) -> None:
     check_endpoint(endpoint)
+
+
+@pytest.mark.parametrize(
+    ("host", "expected"),
+    [("localhost", True), ("127.0.0.1", True), ("127.9.9.9", True), ("::1", True),
+     ("10.0.0.1", False), ("0.0.0.0", False), ("robots.example", False), ("", False)],
+)  # fmt: skip
+def test_loopback_is_told_from_the_rest(host: str, expected: bool) -> None:
+    assert is_loopback(host) is expected
