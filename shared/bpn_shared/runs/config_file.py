@@ -150,7 +150,9 @@ def _migrated(older: int, values: dict[str, Any], source: str) -> dict[str, Any]
     try:
         return _MIGRATIONS[older](values)
     except InputError as error:
-        raise ConfigError(f"{source}: schema {older} tells the task by its name: {error}") from error
+        raise ConfigError(
+            f"{source}: schema {older} tells the task by its name: {error}"
+        ) from error
 
 
 def _from_1(values: dict[str, Any]) -> dict[str, Any]:
