@@ -161,8 +161,8 @@ def _from_1(values: dict[str, Any]) -> dict[str, Any]:
 
 def _from_2(values: dict[str, Any]) -> dict[str, Any]:
     name = values.get("task")
-    if not isinstance(name, str):  # whose absence is said with that of others
-        return values
+    if not isinstance(name, str):
+        raise InputError(f"task = {name!r} is no name; {_REMEDY}")
     return values | {"task_spec": task_spec(name, _task_options(values))}
 
 

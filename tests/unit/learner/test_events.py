@@ -38,7 +38,7 @@ def test_every_number_is_there_under_its_name(tmp_path: Path) -> None:
     assert {"failures", "return_px", "iteration", "time_unix_s"} == set(found.Tags()["scalars"])
     (text,) = found.Tensors("config/text_summary")
     shown = text.tensor_proto.string_val[0].decode().removeprefix("```json").removesuffix("```")
-    assert json.loads(shown) == CONFIG.model_dump()
+    assert json.loads(shown) == CONFIG.model_dump(mode="json")
     events.close()
 
 
