@@ -38,8 +38,8 @@ TASKS: dict[str, Values] = {
 """One of every kind."""
 
 WRONG: list[tuple[str, Values, str]] = [
-    ("flying", {}, "unknown; one of: reaching, tracking, pan_tilt, gym:ENVIRONMENT-ID"),
-    ("gym:", {}, "unknown; one of: reaching, tracking, pan_tilt, gym:ENVIRONMENT-ID"),
+    ("flying", {}, "unknown; one of: gym:ENVIRONMENT-ID, pan_tilt, reaching, tracking"),
+    ("gym:", {}, "must be gym:ENVIRONMENT-ID"),
     ("reaching", {"alpha": 1.5}, "Input should be less than or equal to 1"),
     ("reaching", {"pacing": "slow"}, "Input should be 'lockstep' or 'realtime'"),
     ("reaching", {"kernel": "onnx"}, "kernel = 'onnx' does not run the network of 'bpn'"),

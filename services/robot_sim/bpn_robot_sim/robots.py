@@ -67,9 +67,9 @@ def of_gym(name: str) -> Any:
 
 
 def _of_scene(name: str, task: TaskSpec) -> Robot:
-    robot: Robot = resolve_name(name)(
-        task
-    )  # by name: whoever looks for a task's robot loads no other's
+
+    # by name: whoever looks for a task's robot loads no other's
+    robot: Robot = resolve_name(name)(task)
     if is_flat(robot.reset(0)):
         robot.close()
         raise RenderingError(RuntimeError("its pictures have one colour only"))

@@ -120,6 +120,9 @@ class TaskSpec(BaseModel):
             raise ValueError("success_reward belongs to success = last_reward, and to no other")
         return self
 
+    def __hash__(self) -> int:
+        return hash(self.name)  # a preset has none
+
     @property
     def told_rewards(self) -> bool:
         """Whether the robot tells rewards; then it may also end episodes for reasons of its own."""

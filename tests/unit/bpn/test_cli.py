@@ -84,7 +84,7 @@ def test_it_tells_its_version(capsys: pytest.CaptureFixture[str]) -> None:
     [
         (["bench", "kernel", "--quick"], "--quick are of `bpn bench dashboard`, not kernel"),
         (["bench", "dashboard", "--parts", "series,moon"], "--parts moon: there are series, lists"),
-        (["train"], "TASK is missing; one of: reaching, tracking, pan_tilt, gym:ENVIRONMENT-ID"),
+        (["train"], "TASK is missing; one of: gym:ENVIRONMENT-ID, pan_tilt, reaching, tracking"),
         (["train", "reaching", "--runs-dir", "/proc/x"], "--runs-dir /proc/x: No such file"),
         (["train", "reaching", "--runs-dir", "FILE"], "FILE: File exists; choose a folder"),
         (["train", "reaching", "--runs-dir", "FILE/x"], "FILE/x: Not a directory; choose a folder"),
@@ -131,7 +131,7 @@ def test_opengl_that_does_not_work_is_told_before_a_run_is_made(
 ) -> None:
     done = ended(command("train", "reaching", "--runs-dir", str(tmp_path)), MUJOCO_GL=back_end)
     assert done.returncode == 2
-    assert done.stderr.startswith("bpn: task 'reaching' cannot be simulated here: OpenGL cannot")
+    assert done.stderr.startswith("bpn: task 'reaching' cannot be played here: OpenGL cannot")
     assert len(done.stderr.splitlines()) == 1
     assert not list(tmp_path.iterdir())
     report = ended(command("doctor", "--json"), MUJOCO_GL=back_end)

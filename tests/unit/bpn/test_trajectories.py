@@ -92,7 +92,7 @@ def test_every_task_of_the_paper_has_a_figure(task: str, pan_tilt: Played) -> No
         robot = make_robot(task)
         episodes = [played(robot, seed)[0] for seed in range(2)]
         robot.close()
-    (axes,) = plot.draw(task, episodes).axes
+    (axes,) = plot.draw(TASKS[task], episodes).axes
     assert len(axes.lines) >= len(episodes)
     if task != "reaching":
         assert f"{sum(one.meta.terminated for one in episodes)} lost" in axes.get_title()
@@ -100,7 +100,7 @@ def test_every_task_of_the_paper_has_a_figure(task: str, pan_tilt: Played) -> No
 
 def test_a_task_without_trajectories_is_refused() -> None:
     with pytest.raises(InputError, match="no trajectories are known of task 'gym:"):
-        plot.draw("gym:CartPole-v1", [])
+        plot.draw(RunConfig.for_task("gym:CartPole-v1").task_spec, [])
 
 
 def test_the_gaze_stops_at_the_limits() -> None:

@@ -1,16 +1,18 @@
 """Runs, sweeps, pages, errors, through HTTP."""
 
 import contextlib
-import json
+from uuid import UUID
 
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from paper import TASKS
 
 from bpn_dashboard.access.guard import MAX_BODY_BYTES
 from bpn_dashboard.api.pages import Cursors
 from bpn_dashboard.api.problems import ApiError
-from bpn_shared.spec.config import RunConfig
+from bpn_shared.runs.folder import RunFolder
+from bpn_shared.spec.config import OPTIONS, RunConfig
 
 
 def create(client, **values):
@@ -22,10 +24,51 @@ def create(client, **values):
 def test_a_run_is_made_with_the_tasks_preset(client, store) -> None:
     run = create(client, config={"task": "reaching", "alpha": 0.5}, name="a", tags=["x"])
     config = RunConfig.for_task("reaching", alpha=0.5)
-    assert run["config"] == json.loads(config.model_dump_json())
+    assert run["config"] == config.model_dump(mode="json", exclude={"task_spec"})
     assert store.folder(run["id"]).config() == config
     assert (run["state"], run["name"], run["tags"], run["rev"]) == ("queued", "a", ["x"], 1)
     assert client.get(f"/api/v1/runs/{run['id']}").headers["etag"] == '"1"'
+
+
+def test_the_hash_of_a_configuration_is_that_of_its_values(client) -> None:
+    """As it was before tasks travelled by value: runs of then and now are told to be alike."""
+    run = create(client, config={"task": "reaching", "seed": 3})
+    assert run["config_hash"] == (
+        "3c09332281a0369bd4c272890be789b440380bed3ef91dd1a492dfdb1f6710ae"
+    )
+
+
+def test_a_run_tells_its_task_and_its_returns_unit(client) -> None:
+    run = create(client, config={"task": "tracking"})
+    task = client.get(f"/api/v1/runs/{run['id']}/task").json()
+    assert (task["name"], task["title"], len(task["action_names"])) == ("tracking", "Tracking", 7)
+    assert task["preset"]["steps"] == 40
+    assert run["summary"]["returns"]["metric"] == "return_px"
+    gym = create(client, config={"task": "gym:Some-v0", "actions": 3})
+    assert (gym["summary"]["returns"]["metric"], gym["summary"]["returns"]["unit"]) == (
+        "return",
+        "",
+    )
+
+
+def test_a_run_of_a_task_that_is_not_installed_here_shows(client, store) -> None:
+    """Its configuration has the task by value; a new run of it is refused, as nobody here knows it."""
+    spec = TASKS["tracking"].model_copy(
+        update={"name": "juggling", "action_names": ("left", "right"), "hold_action": 0}
+    )
+    config = RunConfig(task="juggling", task_spec=spec)
+    run = UUID("01a201f9-821b-74c6-95eb-3f4ab1331c4c")
+    RunFolder.create(store.runs_dir, run, config)
+    store.index.adopt()
+    shown = client.get(f"/api/v1/runs/{run}").json()
+    assert (shown["task"], shown["error"], shown["config"]["actions"]) == ("juggling", "", 2)
+    assert client.get(f"/api/v1/runs/{run}/task").json()["action_names"] == ["left", "right"]
+    refused = client.post("/api/v1/runs", json={"config": {"task": "juggling"}})
+    assert refused.status_code == 422
+    assert (
+        "task = 'juggling': unknown; one of: gym:ENVIRONMENT-ID, pan_tilt"
+        in refused.json()["detail"]
+    )
 
 
 def test_annotations_need_the_etag_that_was_seen(client) -> None:
@@ -136,7 +179,7 @@ def test_wrong_queries_are_named(client, query, where) -> None:
     [
         {},
         {"config": {}},
-        {"config": {"task": "flying"}},
+        {"config": {"task": "fly ing"}},
         {"config": {"task": "reaching", "alpha": 2}},
         {"config": {"task": "reaching", "alpha": "0.5"}},
         {"config": {"task": "reaching", "seed": True}},
@@ -214,7 +257,7 @@ def test_configurations_are_compared(client) -> None:
     assert diff["differences"] == [
         {"key": "alpha", "this": 0.5, "other": 0.95}, {"key": "seed", "this": 0, "other": 7},
     ]  # fmt: skip
-    assert diff["same"] == len(RunConfig.model_fields) - 2
+    assert diff["same"] == len(OPTIONS) - 2
 
 
 def test_a_sweep_has_every_combination(client) -> None:

@@ -123,7 +123,7 @@ def test_what_cannot_be_read_is_named_and_what_is_gone_goes(tmp_path: Path, caps
     store = RunStore(database, runs_dir)
     kept, damaged, gone = (store.create(CONFIG, actor="a") for _ in range(3))
     database.close()
-    (runs_dir / damaged.id / "config.json").write_text('{"alpha": 2}')
+    (runs_dir / damaged.id / "config.json").write_text('{"task": "reaching", "alpha": 2}')
     (runs_dir / gone.id).rename(tmp_path / "elsewhere")
     (runs_dir / "notes").mkdir()
     assert main(["dashboard", "reindex", "--runs-dir", str(runs_dir)]) == 1

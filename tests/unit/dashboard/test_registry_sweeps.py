@@ -47,7 +47,7 @@ def test_every_combination_is_there_once_and_each_is_the_preset_with_that_change
         ({}, {}, [1, 1], "seed = 1: stands there twice"),
         ({}, {"seed": [1]}, [2], "the seeds are given already"),
         ({"node": 1}, {}, [], "node = 1: unknown"),
-        ({"task": "flying"}, {}, [], "task = 'flying': unknown; one of: reaching"),
+        ({"task": "flying"}, {}, [], "task = 'flying': unknown; one of: gym:ENVIRONMENT-ID, pan_tilt"),
         ({}, {"nodes": list(range(1, 101)), "batch": list(range(2, 22))}, [], "2000 runs, the limit"),
     ],
 )  # fmt: skip
@@ -55,4 +55,10 @@ def test_errors_name_key_and_value(
     config: dict[str, object], grid: dict[str, list[object]], seeds: list[int], message: str
 ) -> None:
     with pytest.raises(ConfigError, match=message):
-        expand(config, grid, seeds, ConnectedWorkers())
+        expand({"task": "reaching", **config}, grid, seeds, ConnectedWorkers())
+
+
+def test_a_sweep_needs_a_task() -> None:
+    with pytest.raises(ConfigError, match="task: missing"):
+        expand({}, {"alpha": [0.5]}, [], ConnectedWorkers())
+    assert len(expand({}, {"task": ["reaching", "tracking"]}, [], ConnectedWorkers())) == 2

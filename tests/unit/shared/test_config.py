@@ -56,7 +56,10 @@ def test_every_task_has_a_preset_and_observations_of_its_network(task: TaskSpec)
         ({"beta": 0}, "beta = 0: Input should be greater than 0"),
         ({"nodes": "many"}, "nodes = 'many': Input should be a valid integer"),
         ({"pacing": "slow"}, "pacing = 'slow': Input should be 'lockstep' or 'realtime'"),
-        ({"task": "flying"}, "task = 'flying': unknown; one of: gym, pan_tilt, reaching, tracking"),
+        (
+            {"task": "flying"},
+            "task = 'flying': unknown; one of: gym:ENVIRONMENT-ID, pan_tilt, reaching, tracking",
+        ),
         ({"algorithm": "sarsa"}, "algorithm = 'sarsa': Input should be 'bpn', 'bqn'"),
         (
             {"algorithm": "dpp", "alpha": 0.9},
