@@ -6,7 +6,6 @@ from typing import Any
 from bpn_robot import robots
 from bpn_robot.frame import is_flat
 from bpn_robot.robot import Robot
-from bpn_robot_sim.rendering import RenderingError
 from bpn_shared.spec.config import ConfigError
 from bpn_shared.spec.installed import task_spec
 from bpn_shared.spec.tasks import TaskOptions, TaskSpec
@@ -67,6 +66,8 @@ def of_gym(name: str) -> Any:
 
 
 def _of_scene(name: str, task: TaskSpec) -> Robot:
+    from bpn_robot_sim.rendering import RenderingError  # noqa: PLC0415 - which loads MuJoCo
+
 
     # by name: whoever looks for a task's robot loads no other's
     robot: Robot = resolve_name(name)(task)

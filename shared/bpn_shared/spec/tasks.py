@@ -16,7 +16,7 @@ RETURN_PX, RETURN = "return_px", "return"
 """Mean return of an iteration: in pixels, or in another unit."""
 
 MAX_NAME = 256
-NAME_PATTERN = r"^[A-Za-z0-9_][A-Za-z0-9_.-]*(:[!-~]+)?$"
+NAME_PATTERN = r"^[A-Za-z0-9_][A-Za-z0-9_.-]*(:[!-~]*)?$"
 """Of tasks: a plug-in's name, and of a family's tasks which of them."""
 
 GYM_PREFIX = "gym:"
