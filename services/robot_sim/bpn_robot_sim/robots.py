@@ -1,5 +1,6 @@
 """The simulated robots by task; MuJoCo, Gymnasium and OpenGL are loaded when one is made."""
 
+from collections.abc import Collection
 from pkgutil import resolve_name
 from typing import Any
 
@@ -30,8 +31,11 @@ def make_robot(task_name: str) -> Robot:
     return robot
 
 
-def robot_for(task: Task) -> Robot:
+def robot_for(task: Task, allowed: Collection[str] = ()) -> Robot:
     """A new robot for a run's task.
+
+    Args:
+        allowed: modules that may be imported for a Gymnasium environment.
 
     Raises:
         ConfigError: a Gymnasium environment cannot be the task, or what it needs is not installed.
@@ -42,18 +46,18 @@ def robot_for(task: Task) -> Robot:
         if is_flat(robot.reset(0)):
             raise RenderingError(RuntimeError("its pictures have one colour only"))
         return robot
-    of_environment: Robot = of_gym("GymRobot")(task)
+    of_environment: Robot = of_gym("gym_robot:GymRobot")(task, allowed)
     return of_environment
 
 
 def of_gym(name: str) -> Any:
-    """An object that `gym_robot` has, which needs an extra.
+    """An object, such as gym_robot:GymRobot, of a module that needs an extra.
 
     Raises:
         ConfigError: the extra is not installed.
     """
     try:
-        return resolve_name(f"bpn_robot_sim.gym_robot:{name}")
+        return resolve_name(f"bpn_robot_sim.{name}")
     except ModuleNotFoundError as error:
         raise ConfigError(
             f"gym: tasks need {error.name}, which is not installed: pip install 'bpn-robot-sim[gym]'"

@@ -9,6 +9,7 @@ from typing import Any
 
 from bpn_shared.runs.digests import DamagedError, seal, unseal
 from bpn_shared.spec.config import ConfigError, RunConfig
+from bpn_shared.spec.gym import GymOptions
 from bpn_shared.version import VERSION, written_by
 
 SCHEMA = 2
@@ -44,7 +45,8 @@ def decode_config(data: bytes, *, source: str) -> RunConfig:
         raise OtherConfigVersionError(
             f"{source}: {', '.join(sorted(unknown))} unknown here, {_whose(document)}"
         )
-    missing = RunConfig.model_fields.keys() - values.keys()
+    # Options that are off where the file, from before they were there, does not have them.
+    missing = RunConfig.model_fields.keys() - GymOptions.model_fields.keys() - values.keys()
     if missing and schema > 1:
         raise ConfigError(f"{source}: {', '.join(sorted(missing))} missing; {_REMEDY}")
     return RunConfig.parse(values, source=source)

@@ -2,10 +2,11 @@
 
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
+from pydantic import Field, ValidationError, field_validator, model_validator
 
 from bpn_shared.errors import InputError
 from bpn_shared.spec.algorithms import ALGORITHMS, KERNELS, Algorithm, AlgorithmName, implied
+from bpn_shared.spec.gym import GymOptions, changed
 from bpn_shared.spec.network import MAX_ACTIONS, MAX_CHANNELS, MAX_NODES, NetworkSpec
 from bpn_shared.spec.tasks import TASKS, Task, check_task_name, gym_task, is_gym
 
@@ -25,10 +26,8 @@ class ConfigError(InputError):
     """A configuration value is wrong; the message names the value, its range and where it came from."""
 
 
-class RunConfig(BaseModel):
+class RunConfig(GymOptions):
     """One training. Field names are the command line's options; symbols are the paper's."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     task: Annotated[str, Field(description="what the robot learns")] = "reaching"
     algorithm: Annotated[
@@ -159,6 +158,10 @@ class RunConfig(BaseModel):
                 )
             self.task_spec  # noqa: B018 - raises for values that no task can have
             return self
+        for name in changed(self):
+            raise ValueError(
+                f"{name} = {getattr(self, name)!r}: task {self.task!r} is no Gymnasium environment; leave it out"
+            )
         for name, value in _of_task(self.task).items():
             if getattr(self, name) != value:
                 raise ValueError(
@@ -211,6 +214,7 @@ class RunConfig(BaseModel):
                 frames_stacked=self.frames_stacked,
                 frame_skip=self.frame_skip,
                 actions=self.actions,
+                options=self.alone(),
             )
         return TASKS[self.task]
 

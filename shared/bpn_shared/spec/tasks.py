@@ -4,6 +4,7 @@ import re
 from dataclasses import dataclass
 from typing import Literal
 
+from bpn_shared.spec.gym import GYM_NAME, GYM_PREFIX, OFF, GymOptions, id_of
 from bpn_shared.spec.network import IMAGE_SIZE_PX, MAX_CHANNELS, NetworkSpec
 
 CONTROL_PERIOD_S = 0.145
@@ -28,6 +29,7 @@ class Task:
         rewards: computed from the pixels by the learner (the paper, section VI-A), or told by the robot.
         success: what an episode has to do: end with the hand on the target, keep the target in the frame, or
             whatever the robot says, if it says anything.
+        gym: how the environment of a gym: task is made and looked at.
     """
 
     name: str
@@ -40,6 +42,7 @@ class Task:
     frame_skip: int = 1
     rewards: Literal["pixels", "robot"] = "pixels"
     success: Literal["reached", "kept", "told"] = "kept"
+    gym: GymOptions = OFF
 
     @property
     def return_metric(self) -> str:
@@ -106,15 +109,9 @@ TASKS = {
 }
 
 
-GYM_PREFIX = "gym:"
-"""Begins the names of tasks that are any Gymnasium environment, such as gym:CartPole-v1."""
-
-_GYM_NAME = r"gym:([A-Za-z0-9_.-]+/)?[A-Za-z0-9_.-]+"
-
-
-TASK_PATTERN = f"^({'|'.join(TASKS)}|{_GYM_NAME})$"
+TASK_PATTERN = f"^({'|'.join(TASKS)}|{GYM_NAME})$"
 """Of all names that tasks may have."""
-TASK_NAMES = f"{', '.join(TASKS)}, {GYM_PREFIX}ENVIRONMENT-ID"
+TASK_NAMES = f"{', '.join(TASKS)}, {GYM_PREFIX}[MODULE:]ENVIRONMENT-ID"
 """For help and errors: the names that tasks may have."""
 
 
@@ -152,7 +149,13 @@ def task_named(name: str) -> Task:
 
 
 def gym_task(
-    name: str, *, frame_channels: int, frames_stacked: int, frame_skip: int, actions: int
+    name: str,
+    *,
+    frame_channels: int,
+    frames_stacked: int,
+    frame_skip: int,
+    actions: int,
+    options: GymOptions,
 ) -> Task:
     """The Gymnasium environment of that name as a task.
 
@@ -170,9 +173,10 @@ def gym_task(
             f"frames_stacked = {frames_stacked} of {frame_channels} channels: an observation has at most "
             f"{MAX_CHANNELS} channels"
         )
+    options.check(frames_stacked=frames_stacked, frame_skip=frame_skip)
     return Task(
         name=name,
-        env_id=name.removeprefix(GYM_PREFIX),
+        env_id=id_of(name)[1],
         frame_channels=frame_channels,
         frames_stacked=frames_stacked,
         action_names=tuple(f"action {number}" for number in range(actions)),
@@ -181,4 +185,5 @@ def gym_task(
         frame_skip=frame_skip,
         rewards="robot",
         success="told",
+        gym=options,
     )

@@ -23,7 +23,8 @@ from bpn_dashboard.api.models import (
 from bpn_dashboard.api.problems import EXPECTED_ERRORS, ApiError, Problem, problem_of, responses
 from bpn_shared.runs.creation import configure
 from bpn_shared.spec.config import PRESETS, RunConfig, preset_of
-from bpn_shared.spec.tasks import GYM_PREFIX, TASKS, Task
+from bpn_shared.spec.gym import GYM_PREFIX
+from bpn_shared.spec.tasks import TASKS, Task
 
 router = APIRouter(tags=["runs"])
 
