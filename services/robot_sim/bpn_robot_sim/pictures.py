@@ -24,7 +24,10 @@ LEAST_CONTRAST = 16
 """Levels of 255 between the darkest and the brightest of all pixels of a probe; less is taken for black."""
 _GRAY_RGB = (1, 3)
 _RGBA = 4
-_STACKED = "of a stack of frames give the newest alone (frames_stacked stacks them), or choose frames_from = 'renders'"
+_STACKED = (
+    "of a stack of frames give the newest alone (frames_stacked stacks them), or choose "
+    "frames_from = 'renders'"
+)
 
 
 class PictureError(ValueError):

@@ -17,7 +17,11 @@ def frame_indices(step: int, frames_stacked: int) -> list[int]:
 
 
 def stack(
-    frames: Sequence[npt.NDArray[np.uint8]], step: int, frames_stacked: int, *, difference: bool
+    frames: Sequence[npt.NDArray[np.uint8]],
+    step: int,
+    frames_stacked: int,
+    *,
+    difference: bool = False,
 ) -> npt.NDArray[np.uint8]:
     """s_t of an episode, uint8[frames_stacked * c, 84, 84], from its frames uint8[c, 84, 84].
 

@@ -39,13 +39,13 @@ def test_help_of_a_task_tells_what_its_runs_get(task: str) -> None:
         if name == "actions" and task == ANY_GYM:
             assert shown[name] == "found out"
         elif name != "task":
-            assert shown[name] == f"{value} for {task}"
+            assert shown[name] == f"{'none' if value == '' else value} for {task}"
 
 
 def test_help_without_a_task_tells_only_what_holds_for_all() -> None:
     shown = told([])
     for name in RunConfig.model_fields.keys() - {"task"}:
-        values = {str(getattr(config_of(task), name)) for task in NAMED}
+        values = {str(getattr(config_of(task), name)) or "none" for task in NAMED}
         if name == "actions":
             values.add("found out")
         assert shown[name] == (values.pop() if len(values) == 1 else "by task")
