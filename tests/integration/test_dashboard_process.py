@@ -235,7 +235,8 @@ def test_it_is_ready_while_workers_can_be_given_work(
         assert "not reached yet" in obstacle()
         with running_router(free_tcp_endpoint):
             wait_for(lambda: not obstacle(), "the dashboard to be ready", DEADLINE_S)
-        wait_for(lambda: "is lost" in obstacle(), "the lost router to be told", DEADLINE_S)
+        lost = f"the connection to the router at {free_tcp_endpoint} is lost: nobody listens"
+        wait_for(lambda: lost in obstacle(), "the lost router to be told, and why", DEADLINE_S)
         assert client.get("/healthz").is_success  # its pages are served all the same
 
 
@@ -317,6 +318,25 @@ def test_a_damaged_database_is_one_line_with_the_remedy(tmp_path, wait_for, offs
     assert f"{file} is damaged" in line
     assert "delete the file" in line
     assert "reindex" in line
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (["--runs-dir", "/proc/none"], "No such file or directory: /proc/none"),
+        (["--runs-dir", "FILE"], "File exists: FILE"),
+        (["--state-dir", "/proc/none"], "No such file or directory: /proc/none"),
+        (["--metrics-token", "/proc/none"], "/proc/none"),
+        (["--connect", "router"], "'router' is no endpoint of a router: give tcp/HOST:PORT"),
+        (["--connect", "tcp/127.0.0.1:70000"], "port 70000 is above 65535"),
+    ],
+)
+def test_what_cannot_be_used_is_one_line_that_names_it(tmp_path, options, said: str) -> None:
+    (tmp_path / "file").touch()
+    file = str(tmp_path / "file")
+    given = {"--runs-dir": str(tmp_path / "runs")} | {options[0]: options[1].replace("FILE", file)}
+    line = refused(*(part for option in given.items() for part in option))
+    assert said.replace("FILE", file) in line
 
 
 def test_a_router_that_needs_certificates_is_refused_at_once_without_them(tmp_path) -> None:
