@@ -19,7 +19,7 @@ from bpn_edge.kernel.onnx_admission import admit
 from bpn_edge.memory import WeightMemory
 from bpn_learner.export import export
 from bpn_learner.networks import make_network
-from bpn_shared.bnn.blob import BlobError
+from bpn_shared.bnn.envelope import BlobError
 from bpn_shared.bnn.float_weights import FloatWeights
 from bpn_shared.counters import Counters
 from bpn_shared.spec.config import RunConfig

@@ -67,8 +67,8 @@ def run(options: argparse.Namespace) -> int:
     video, plot = _media(options, config.task)
     ThisMachine().check_playing(config)
     stop = stop_on_signals()
-    with bar("trials", trials.count) as on_progress:
-        episodes = play(folder, weights, trials, stop, on_progress)
+    with bar("trials", trials.count) as over:
+        episodes = play(folder, weights, trials, stop, on_progress=over, say=over.say)
     if stop.is_set():
         return 130
     result = {

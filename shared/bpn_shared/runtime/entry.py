@@ -58,6 +58,17 @@ def argument_parser(kind: Role, description: str | None) -> argparse.ArgumentPar
     return parser
 
 
+def natural(text: str) -> int:
+    """For options that count from 0.
+
+    Raises:
+        argparse.ArgumentTypeError: it does not.
+    """
+    if not text.isdecimal() or not text.isascii():
+        raise argparse.ArgumentTypeError(f"{text!r} is no number from 0 on")
+    return int(text)
+
+
 Answers = Mapping[str, Callable[[bytes], bytes]]
 """By key, what a worker answers there whether it is idle or not (`Responder`'s handlers)."""
 
@@ -131,7 +142,7 @@ def run_slot_worker(
 ) -> int:
     """Runs a worker of one slot, which gets its configuration from the run's learner."""
     parser = argument_parser(kind, description)
-    parser.add_argument("--slot", type=int, help="which robot of the run, from 0; with --run")
+    parser.add_argument("--slot", type=natural, help="which robot of the run, from 0; with --run")
     options = parser.parse_args(argv)
     if (options.run is None) != (options.slot is None):
         parser.error("--run and --slot belong together; without both the registry gives leases")

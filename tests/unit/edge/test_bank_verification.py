@@ -12,7 +12,8 @@ from bpn_edge.kernel import load
 from bpn_edge.kernel.native import NativeKernel
 from bpn_edge.memory import compare, verify
 from bpn_shared.bnn import golden
-from bpn_shared.bnn.blob import BlobError, WeightBlob, canonical_thresholds
+from bpn_shared.bnn.blob import WeightBlob, canonical_thresholds
+from bpn_shared.bnn.envelope import BlobError
 from bpn_shared.spec.network import LAYERS, NetworkSpec
 
 specs = st.builds(

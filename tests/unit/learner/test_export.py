@@ -13,7 +13,8 @@ from onnx.reference import ReferenceEvaluator
 from bpn_learner.export import export
 from bpn_learner.fold import fold
 from bpn_learner.networks import BinaryNetwork, FloatNetwork, PNetwork, make_network
-from bpn_shared.bnn.blob import BlobError, WeightBlob
+from bpn_shared.bnn.blob import WeightBlob
+from bpn_shared.bnn.envelope import BlobError
 from bpn_shared.bnn.float_weights import FloatWeights, max_model_bytes
 from bpn_shared.spec.network import NetworkSpec
 

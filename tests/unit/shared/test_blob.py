@@ -8,7 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bpn_shared.bnn.blob import BlobError, WeightBlob, encoded_size
+from bpn_shared.bnn.blob import WeightBlob, encoded_size
+from bpn_shared.bnn.envelope import BlobError
 from bpn_shared.spec.network import NetworkSpec
 
 specs = st.builds(
@@ -124,7 +125,7 @@ def test_truncated_and_oversized_are_refused(cut: int, extra: bytes) -> None:
     with pytest.raises(BlobError):
         WeightBlob.decode(encoded[: cut % len(encoded)])
     if extra:
-        with pytest.raises(BlobError, match="bytes, a blob with"):
+        with pytest.raises(BlobError, match="the header tells of"):
             WeightBlob.decode(encoded + extra)
 
 

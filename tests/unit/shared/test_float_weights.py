@@ -8,7 +8,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bpn_shared.bnn.blob import BlobError, WeightBlob
+from bpn_shared.bnn.blob import WeightBlob
+from bpn_shared.bnn.envelope import BlobError
 from bpn_shared.bnn.float_weights import FloatWeights, max_encoded_size, max_model_bytes
 from bpn_shared.bnn.weights import decode_weights, max_weights_bytes, network_kind
 from bpn_shared.spec.network import NetworkSpec

@@ -166,9 +166,7 @@ class Dispatcher:
         if now_s >= self._adopt_at_s:
             self._store.adopt()
             self._take_changes(self._store.changed_folders())
-            for run_id in self._rows.keys() - self._store.ids():  # removed
-                self._forget(run_id)
-            self._demand()
+            self._forget_removed()
             self._adopt_at_s = now_s + ADOPT_S
         self.desk.on_router(self._bus.router)
         self._note_losses()
@@ -218,6 +216,12 @@ class Dispatcher:
         if news:
             _keep_newest(self._rows, self._store.observe(news))
         return bool(news)
+
+    def _forget_removed(self) -> None:
+        if removed := self._rows.keys() - self._store.ids():
+            for run_id in removed:
+                self._forget(run_id)
+            self._demand()
 
     def _forget(self, run_id: str) -> None:
         del self._rows[run_id]
