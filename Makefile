@@ -59,6 +59,7 @@ check-manifests: $(VENV)/checkov-$(CHECKOV)/bin/checkov ## Kubernetes' manifests
 	  --skip-download --compact --quiet
 
 test-containers: $(INSTALLED) ## build the images, run the whole loop in containers (any Docker Engine from 25 on)
+	sh deploy/check-system.sh $(PYTHON) observability
 	BPN_CONTAINERS=1 $(BIN)/pytest tests/containers
 
 test-chaos: $(INSTALLED) ## every fault that containers may have in the middle of a run (about half an hour), and to a run's files

@@ -191,7 +191,7 @@ def _waiting_s(run: dict[str, Any]) -> float:
 
 @contextlib.contextmanager
 def _display(
-    display: "_Display",
+    display: "_Display | _NoDisplay",
     folder: RunFolder,
     endpoint: str,
     stop: threading.Event,
@@ -224,6 +224,35 @@ def _display(
             thread.join(timeout=5.0)
             if not stop.is_set():
                 display.show_new_lines()
+
+
+def stalls_told(
+    folder: RunFolder, endpoint: str, stop: threading.Event, say: Callable[[str], None]
+) -> contextlib.AbstractContextManager[None]:
+    """For `run_to_end` without a display: says why there is no progress, where there is none.
+
+    Args:
+        say: prints a line; on a thread of its own.
+    """
+    notice = StallNotice(lambda text: say(f"run {folder.run}: {text}"))
+    stalls = LocalStalls(folder.config().steps, folder.path, notice)
+    return _display(_NoDisplay(folder), folder, endpoint, stop, stalls)
+
+
+class _NoDisplay:
+    """Looks at a run that somebody else shows."""
+
+    def __init__(self, folder: RunFolder) -> None:
+        self._folder = folder
+        self.progress = contextlib.nullcontext()
+        self.shown = 0
+
+    def on_batch(self, batch: MetricsBatch) -> None:
+        """Nobody sees it."""
+
+    def show_new_lines(self) -> None:
+        """Counts them."""
+        self.shown = len(self._folder.metrics())
 
 
 class _Display:

@@ -44,6 +44,10 @@ class Bar:
         """So many are done, of so many if that is known only now."""
         self._progress.update(self._task, completed=done, total=total)
 
+    def say(self, text: str) -> None:
+        """A line on standard error, above the bars where there are any."""
+        self._progress.console.print(text, highlight=False, soft_wrap=True, markup=False)
+
 
 @contextmanager
 def bar(what: str, total: int | None = None) -> Iterator[Bar]:

@@ -52,11 +52,11 @@ class LocalStalls:
         with self._lock:
             self._watchdog.hear(report, time.monotonic())
 
-    def look(self, iteration: int, *, connected: bool) -> None:
-        """Says what there is to say.
+    def look(self, iteration: int, *, connected: bool) -> str:
+        """Says what there is to say; returns why there is no progress, empty where there is.
 
         Args:
-            iteration: how many are on disk.
+            iteration: how many are on disk, or trials played.
             connected: whether the router is reached.
         """
         now_s = time.monotonic()
@@ -66,7 +66,9 @@ class LocalStalls:
         with self._lock:
             self._watchdog.iterated(iteration, now_s)
             stall = self._watchdog.stall(now_s, around)
-        self._notice.update(*(("", 0.0) if stall is None else (stall.reason, stall.for_s)))
+        reason, for_s = ("", 0.0) if stall is None else (stall.reason, stall.for_s)
+        self._notice.update(reason, for_s)
+        return reason
 
     def _disk_trouble(self) -> str:
         free_bytes = shutil.disk_usage(self._disk).free

@@ -139,7 +139,7 @@ def test_runs_are_started_listed_and_exported_from_the_command_line(
         rest_of_id = made["id"][-8:]
         (removed,) = json.loads(bpn("rm", rest_of_id, "--json"))
         assert (removed["id"], removed["removed_by"]) == (made["id"], "local commands")
-        assert "local commands removed it" in bpn("rm", rest_of_id, status=2)
+        assert "is in the trash: `bpn runs restore" in bpn("rm", rest_of_id, status=2)
         assert [item["id"] for item in json.loads(bpn("trash", "--json"))] == [made["id"]]
         assert json.loads(bpn("ls", "--json")) == []
         assert json.loads(bpn("restore", rest_of_id, "--json"))[0]["name"] == "mine"
@@ -149,7 +149,7 @@ def test_runs_are_started_listed_and_exported_from_the_command_line(
 
         assert seen() == [made["id"]]
         Trash(tmp_path).put(made["id"], "another machine")  # which does not find the dashboard
-        wait_for(lambda: seen() == [], "the dashboard to notice", DEADLINE_S)
+        assert "is in the trash" in bpn("rm", rest_of_id, status=2)
         (pruned,) = json.loads(bpn("restore", rest_of_id, "--json"))
         assert json.loads(bpn("prune", "--keep", "0", "--json"))[0]["id"] == pruned["id"]
         assert json.loads(bpn("empty-trash", "--json")) == [{"id": made["id"]}]
@@ -235,7 +235,8 @@ def test_it_is_ready_while_workers_can_be_given_work(
         assert "not reached yet" in obstacle()
         with running_router(free_tcp_endpoint):
             wait_for(lambda: not obstacle(), "the dashboard to be ready", DEADLINE_S)
-        wait_for(lambda: "is lost" in obstacle(), "the lost router to be told", DEADLINE_S)
+        lost = f"the connection to the router at {free_tcp_endpoint} is lost: nobody listens"
+        wait_for(lambda: lost in obstacle(), "the lost router to be told, and why", DEADLINE_S)
         assert client.get("/healthz").is_success  # its pages are served all the same
 
 
@@ -317,6 +318,25 @@ def test_a_damaged_database_is_one_line_with_the_remedy(tmp_path, wait_for, offs
     assert f"{file} is damaged" in line
     assert "delete the file" in line
     assert "reindex" in line
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (["--runs-dir", "/proc/none"], "No such file or directory: /proc/none"),
+        (["--runs-dir", "FILE"], "File exists: FILE"),
+        (["--state-dir", "/proc/none"], "No such file or directory: /proc/none"),
+        (["--metrics-token", "/proc/none"], "/proc/none"),
+        (["--connect", "router"], "'router' is no endpoint of a router: give tcp/HOST:PORT"),
+        (["--connect", "tcp/127.0.0.1:70000"], "port 70000 is above 65535"),
+    ],
+)
+def test_what_cannot_be_used_is_one_line_that_names_it(tmp_path, options, said: str) -> None:
+    (tmp_path / "file").touch()
+    file = str(tmp_path / "file")
+    given = {"--runs-dir": str(tmp_path / "runs")} | {options[0]: options[1].replace("FILE", file)}
+    line = refused(*(part for option in given.items() for part in option))
+    assert said.replace("FILE", file) in line
 
 
 def test_a_router_that_needs_certificates_is_refused_at_once_without_them(tmp_path) -> None:

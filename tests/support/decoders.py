@@ -20,7 +20,8 @@ from bpn_edge.kernel.native import NativeKernel
 from bpn_edge.kernel.onnx_admission import admit
 from bpn_learner.export import export
 from bpn_learner.networks import make_network
-from bpn_shared.bnn.blob import BlobError, WeightBlob
+from bpn_shared.bnn.blob import WeightBlob
+from bpn_shared.bnn.envelope import BlobError
 from bpn_shared.bnn.float_weights import FloatWeights
 from bpn_shared.bnn.weights import decode_weights
 from bpn_shared.bus.logs import as_said_by

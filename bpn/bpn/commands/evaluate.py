@@ -70,8 +70,16 @@ def run(options: argparse.Namespace) -> int:
     gym_modules = allowed_modules(options.gym_modules)
     ThisMachine(gym_modules).check_playing(config)
     stop = stop_on_signals()
-    with bar("trials", trials.count) as on_progress:
-        episodes = play(folder, weights, trials, stop, on_progress, gym_modules=gym_modules)
+    with bar("trials", trials.count) as over:
+        episodes = play(
+            folder,
+            weights,
+            trials,
+            stop,
+            on_progress=over,
+            say=over.say,
+            gym_modules=gym_modules,
+        )
     if stop.is_set():
         return 130
     result = {

@@ -1,5 +1,6 @@
 """Plays a run's weights: router, robots and edges as in training, and a host in the learner's place."""
 
+import contextlib
 import shutil
 import tempfile
 import threading
@@ -11,9 +12,12 @@ from typing import Any, Literal
 
 from bpn.evaluation.host import TrialHost
 from bpn.local_run import RunFailedError, private_endpoint
+from bpn.stall_notice import LocalStalls, StallNotice
 from bpn.supervisor import Supervisor, router_and_slots
 from bpn_shared.bnn.weights import Weights
 from bpn_shared.bus.session import Bus, BusError, prepare_process
+from bpn_shared.bus.telemetry import TelemetryWatch
+from bpn_shared.counters import Counters
 from bpn_shared.messages.episode import Episode
 from bpn_shared.runs.folder import RunFolder
 from bpn_shared.spec.config import RunConfig
@@ -21,6 +25,8 @@ from bpn_shared.spec.config import RunConfig
 PlayedPolicy = Literal["greedy", "softmax", "random"]
 OnProgress = Callable[[int], None]
 """Is told how many trials are over."""
+Say = Callable[[str], None]
+"""Prints a line."""
 
 _START_S, _LOOK_S = 180.0, 0.05
 
@@ -57,14 +63,16 @@ def play(
     weights: Weights,
     trials: Trials,
     stop: threading.Event,
-    on_progress: OnProgress = lambda _: None,
     *,
+    on_progress: OnProgress = lambda _: None,
+    say: Say = lambda _: None,
     gym_modules: Collection[str] = (),
 ) -> list[Episode]:
     """Plays all trials.
 
     Args:
         weights: weights of that run.
+        say: gets a line where no trial makes progress, with the reason.
         gym_modules: what robots may import for a `gym:` task.
 
     Returns:
@@ -86,7 +94,13 @@ def play(
             host = TrialHost(
                 bus, folder.run, config, weights, count=trials.count, policy=trials.policy
             )
-            _wait(host, supervisor, stop, on_progress)
+            stalls = LocalStalls(config.steps, logs, StallNotice(say))
+            with contextlib.closing(TelemetryWatch(bus, stalls.hear, Counters())):
+
+                def look(played: int) -> str:
+                    return stalls.look(played, connected=bus.connected)
+
+                _wait(host, supervisor, stop, on_progress, look)
             episodes = host.episodes()
     except (BusError, TrialsFailedError) as error:
         if not stop.is_set():
@@ -102,9 +116,13 @@ class TrialsFailedError(RuntimeError):
 
 
 def _wait(
-    host: TrialHost, supervisor: Supervisor, stop: threading.Event, on_progress: OnProgress
+    host: TrialHost,
+    supervisor: Supervisor,
+    stop: threading.Event,
+    on_progress: OnProgress,
+    look: Callable[[int], str],
 ) -> None:
-    """Until all trials are over or `stop` is set."""
+    """Until all trials are over or `stop` is set; `look` says why there is no progress, if there is none."""
     patience_s = _START_S + 2 * host.trial_s
     told, deadline_s = -1, 0.0
     while not (host.over.wait(_LOOK_S) or stop.is_set()):
@@ -114,8 +132,10 @@ def _wait(
         if host.played > told:
             told, deadline_s = host.played, time.monotonic() + patience_s
             on_progress(told)
+        why = look(host.played)
         if time.monotonic() > deadline_s:
-            raise TrialsFailedError(f"no trial ended within {patience_s:.0f} s")
+            why = f": {why}" if why else ""
+            raise TrialsFailedError(f"no trial ended within {patience_s:.0f} s{why}")
     if host.failure:
         raise TrialsFailedError(host.failure)
     on_progress(host.played)

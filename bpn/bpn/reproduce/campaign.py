@@ -12,7 +12,7 @@ from pathlib import Path
 from rich.progress import Progress, TaskID
 
 from bpn.evaluation.trials import Trials, play
-from bpn.local_run import RunFailedError, private_endpoint, run_to_end
+from bpn.local_run import RunFailedError, private_endpoint, run_to_end, stalls_told
 from bpn.progress import bar, bars
 from bpn.reproduce.definition import StoppedError
 from bpn.reproduce.manifest import Manifest, config_hash, digest
@@ -35,7 +35,7 @@ class Campaign:
         runs_dir: where runs and the manifest are.
         jobs: runs side by side.
         stop: ends everything as soon as possible; nothing is lost by it.
-        say: gets a line for every run that is finished.
+        say: gets a line for every run that is finished, or stands still; on any thread.
     """
 
     def __init__(
@@ -90,7 +90,9 @@ class Campaign:
 
     def _run(self, folder: RunFolder) -> None:
         if not self._stop.is_set():
-            run_to_end(folder, endpoint=private_endpoint(), stop=self._stop)
+            endpoint = private_endpoint()
+            told = stalls_told(folder, endpoint, self._stop, self._say)
+            run_to_end(folder, endpoint=endpoint, stop=self._stop, display=told)
 
     def play(self, folder: RunFolder, trials: Trials) -> list[Episode]:
         """The trials with the newest weights of a finished run, played once and kept.
@@ -111,8 +113,8 @@ class Campaign:
         kept = self._runs_dir / "trials" / name
         episodes = _recall(kept, config, trials.count)
         if episodes is None:
-            with bar("trials", trials.count) as on_progress:
-                episodes = play(folder, weights, trials, self._stop, on_progress)
+            with bar("trials", trials.count) as over:
+                episodes = play(folder, weights, trials, self._stop, on_progress=over, say=over.say)
             if self._stop.is_set():
                 raise StoppedError("trials were being played")
             kept.mkdir(parents=True, exist_ok=True)

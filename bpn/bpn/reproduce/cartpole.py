@@ -23,11 +23,7 @@ _START_SEED = 2
 
 def plan(scope: Scope) -> list[RunConfig]:
     """BPN with the preset, several seeds."""
-    return [
-        scope.config(TASK, algorithm=algorithm, seed=seed)
-        for seed in range(scope.seeds)
-        for algorithm in scope.algorithms
-    ]
+    return scope.configs(TASK)
 
 
 def measure(context: Context) -> dict[str, Any]:

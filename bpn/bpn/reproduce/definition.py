@@ -56,6 +56,14 @@ class Scope:
             changes["iterations"] = self.iterations
         return RunConfig.for_task(task, **changes | (_QUICK if self.quick else {}))
 
+    def configs(self, task: str) -> list[RunConfig]:
+        """The task's preset for every algorithm, one seed after the other."""
+        return [
+            self.config(task, algorithm=algorithm, seed=seed)
+            for seed in range(self.seeds)
+            for algorithm in self.algorithms
+        ]
+
 
 _QUICK = {"iterations": 2, "episodes": 2, "epochs": 1, "steps": 12, "datasets": 1, "nodes": 16}
 

@@ -43,11 +43,7 @@ _START_SEED = 4
 
 def plan(scope: Scope) -> list[RunConfig]:
     """BPN on tracking, as the target `tracking` has it."""
-    return [
-        scope.config("tracking", algorithm=algorithm, seed=seed)
-        for seed in range(scope.seeds)
-        for algorithm in scope.algorithms
-    ]
+    return scope.configs("tracking")
 
 
 def measure(context: Context) -> dict[str, Any]:

@@ -28,11 +28,7 @@ _DRAWN_TRIALS = 3
 
 def plan(scope: Scope) -> list[RunConfig]:
     """BPN and BQN, one seed after the other."""
-    return [
-        scope.config("pan_tilt", algorithm=algorithm, seed=seed)
-        for seed in range(scope.seeds)
-        for algorithm in scope.algorithms
-    ]
+    return scope.configs("pan_tilt")
 
 
 def measure(context: Context) -> dict[str, Any]:

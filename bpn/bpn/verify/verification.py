@@ -13,7 +13,7 @@ from bpn.verify.trainee import Trainee, released
 from bpn.verify.training import gap, learning_rate_factors, minibatches, train
 from bpn.verify.update import Update
 from bpn.verify.weights import described, digest, distance, same_bits
-from bpn_shared.bnn.blob import BlobError
+from bpn_shared.bnn.envelope import BlobError
 from bpn_shared.bnn.weights import Weights
 from bpn_shared.runs.folder import RunFolder
 from bpn_shared.spec.config import ConfigError, RunConfig

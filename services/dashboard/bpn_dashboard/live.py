@@ -21,9 +21,11 @@ from bpn_dashboard.registry.election import MISSED_S, Candidate
 from bpn_dashboard.registry.versions import Refused
 from bpn_dashboard.registry.view import RegistryView
 from bpn_shared.backoff import Backoff
+from bpn_shared.bus.router_watch import RouterWatch
 from bpn_shared.bus.session import Bus, BusError
 from bpn_shared.runtime.service import new_worker_id
 from bpn_shared.spec.config import ConfigError
+from bpn_shared.waiting import Waiting
 
 log = logging.getLogger(__name__)
 
@@ -46,6 +48,7 @@ class Live:
     """
 
     bus: Bus | None = None
+    watch: RouterWatch | None = None
     hub: Hub | None = None
     dispatcher: Dispatcher | None = None
     candidate: Candidate | None = None
@@ -58,7 +61,8 @@ class Live:
         if self.bus is None or self.dispatcher is None or self.candidate is None:
             return self.trouble or "the message bus is not reached yet"
         if not self.bus.connected:
-            return f"the connection to the router at {self.bus.endpoint} is lost"
+            why = "" if (watch := self.watch) is None or not watch.why else f": {watch.why}"
+            return f"the connection to the router at {self.bus.endpoint} is lost{why}"
         if not self.candidate.serves:
             return self.read_only() or _LOOKING
         trouble = self.dispatcher.trouble
@@ -149,17 +153,21 @@ async def _joined(
         name = new_worker_id(presence.KIND)
         live.hub = Hub(bus, options.runs_dir, context.counters, name, live.topology)
         stack.callback(live.hub.close)
-        present = presence.Presence(bus, name, context.counters)
+        waiting = Waiting()
+        watch = RouterWatch(bus, waiting, context.counters, certificates=False)  # told elsewhere
+        stack.push_async_callback(asyncio.to_thread, watch.close)
+        present = presence.Presence(bus, name, context.counters, waiting)
         stack.push_async_callback(asyncio.to_thread, present.close)
         live.dispatcher = Dispatcher(
-            bus, context.runs, context.counters, leading=False, read_only=live.read_only
-        )
+            bus, context.runs, context.counters, leading=False, read_only=live.read_only,
+            why_lost=lambda: watch.why,
+        )  # fmt: skip
         stack.push_async_callback(asyncio.to_thread, live.dispatcher.close)
         await asyncio.to_thread(live.dispatcher.start)
         live.candidate = Candidate(bus, name, live.dispatcher.lead, context.counters)
         stack.push_async_callback(asyncio.to_thread, live.candidate.close)
-        live.bus = bus
+        live.bus, live.watch = bus, watch
         try:
             yield
         finally:
-            live.bus = live.hub = live.dispatcher = live.candidate = None
+            live.bus = live.watch = live.hub = live.dispatcher = live.candidate = None

@@ -5,10 +5,11 @@ import ssl
 from pathlib import Path
 from urllib.parse import urlsplit
 
-from bpn_dashboard.access.guard import is_loopback
 from bpn_dashboard.database.engine import sqlite_url
 from bpn_dashboard.registry.retention import Rule
+from bpn_shared.bus.address import is_loopback
 from bpn_shared.bus.certificates import client_tls
+from bpn_shared.bus.endpoint import check_endpoint
 from bpn_shared.bus.session import DEFAULT_ENDPOINT
 from bpn_shared.runs.trash import KEPT_DAYS
 from bpn_shared.spec.config import ConfigError
@@ -134,6 +135,7 @@ def check_options(options: argparse.Namespace) -> None:
         raise ConfigError("--certificate and --key belong together")
     if options.certificate is not None:
         _check_certificate(options.certificate, options.key)
+    check_endpoint(options.connect)
     client_tls(options.connect)  # the router's, which would be missed much later
     secure = options.certificate is not None or options.insecure_http
     if options.public_url is not None and not _is_origin(options.public_url):

@@ -51,18 +51,25 @@ class Server(uvicorn.Server):
         super().__init__(config)
         self._listener = listener
         self._certificate, self._key = certificate, key
-        self._shown = self._certificate_digest()
+        self._shown, self._refused = self._certificate_digest(), b""
 
     def serve_until(self, stop: threading.Event) -> None:
         """Serves until the event is set."""
+        self._stop = stop
 
         def exit_after() -> None:
-            while not stop.wait(_RENEWAL_S):
-                self._take_renewed_certificate()
+            stop.wait()
             self.should_exit = True
 
         threading.Thread(target=exit_after, daemon=True).start()
         self.run(sockets=[self._listener])
+
+    def _renew(self) -> None:
+        while not self._stop.wait(_RENEWAL_S):
+            try:
+                self._take_renewed_certificate()
+            except Exception:
+                log.exception("looking for a new certificate failed")
 
     def _take_renewed_certificate(self) -> None:
         """Shows whoever connects from now on the certificate that lies there now."""
@@ -74,9 +81,10 @@ class Server(uvicorn.Server):
             for taking in (ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER), context):
                 taking.load_cert_chain(certificate, self._key)
         except (OSError, ValueError) as error:  # half of it is written, or it is wrong
-            log.warning(
-                "the new certificate %s cannot be used yet: %s", certificate, one_line(error)
-            )
+            if found != self._refused:
+                reason = one_line(error)
+                log.warning("the new certificate %s cannot be used yet: %s", certificate, reason)
+            self._refused = found
         else:
             log.info("the pages are shown with the new certificate %s", certificate)
             self._shown = found
@@ -93,6 +101,8 @@ class Server(uvicorn.Server):
         await super().startup(sockets=sockets)
         if not self.should_exit:
             self._listener.listen(_QUEUE)  # the queue that `backlog` has made short
+            if self._certificate is not None:
+                threading.Thread(target=self._renew, daemon=True).start()
 
     @contextmanager
     def capture_signals(self) -> Iterator[None]:

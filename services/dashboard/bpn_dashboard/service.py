@@ -45,10 +45,11 @@ from bpn_dashboard.server import Server, listen
 from bpn_dashboard.state_lock import ADDRESS_FILE, state_lock
 from bpn_shared.bus.session import prepare_process
 from bpn_shared.counters import Counters
+from bpn_shared.errors import InputError, one_line
 from bpn_shared.runs.files import write_atomically
 from bpn_shared.runs.trash import DAY_S, TRASH
 from bpn_shared.runtime.service import end_with_supervisor, set_up_logging, stop_on_signals
-from bpn_shared.spec.config import ConfigError, RunConfig
+from bpn_shared.spec.config import RunConfig
 
 log = logging.getLogger(__name__)
 
@@ -149,12 +150,15 @@ def main(argv: list[str] | None = None) -> int:
             database = Database(database_url(state_dir(options), options.database))
             stack.callback(database.close)
             app, context = build(options, database, listener)
-        except (ConfigError, DatabaseError) as error:
+            if first_run is not None and not any(options.runs_dir.glob("*/config.json")):
+                context.runs.create(first_run, name="first run", actor="bpn-dashboard")
+            stack.enter_context(_announced(options, listener, context))
+        except (InputError, DatabaseError) as error:
             log.error("%s", error)
             return 2
-        if first_run is not None and not any(options.runs_dir.glob("*/config.json")):
-            context.runs.create(first_run, name="first run", actor="bpn-dashboard")
-        stack.enter_context(_announced(options, listener, context))
+        except OSError as error:  # folders and files that the options name
+            log.error("%s", one_line(error))
+            return 2
         Server(app, listener, options.certificate, options.key).serve_until(stop)
     return 0
 

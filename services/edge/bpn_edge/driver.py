@@ -14,7 +14,7 @@ from bpn_edge.decisions import DecisionFeed
 from bpn_edge.memory import WeightMemory
 from bpn_edge.recorder import EpisodeRecorder
 from bpn_edge.robot_link import RobotLink
-from bpn_shared.bnn.blob import BlobError
+from bpn_shared.bnn.envelope import BlobError
 from bpn_shared.bnn.outputs import Outputs
 from bpn_shared.messages.action import Action
 from bpn_shared.messages.control import Assignment, Reset

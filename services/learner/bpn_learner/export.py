@@ -6,7 +6,7 @@ import torch
 
 from bpn_learner.fold import fold
 from bpn_learner.networks import BinaryNetwork, FloatNetwork, PNetwork, as_kernels
-from bpn_shared.bnn.blob import NO_RUN
+from bpn_shared.bnn.envelope import NO_RUN
 from bpn_shared.bnn.float_weights import FloatWeights
 from bpn_shared.bnn.onnx_model import onnx_model
 from bpn_shared.bnn.weights import Weights

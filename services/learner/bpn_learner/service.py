@@ -27,7 +27,7 @@ from bpn_shared.bus.weights import WeightsPublisher
 from bpn_shared.messages.control import Fault, NextEpisode
 from bpn_shared.runs.folder import RunFolder, State
 from bpn_shared.runs.ownership import Ownership
-from bpn_shared.runtime.entry import argument_parser, run_worker
+from bpn_shared.runtime.entry import argument_parser, natural, run_worker
 from bpn_shared.runtime.watchdog import EPISODES_STORED, EPOCHS_DONE
 from bpn_shared.runtime.worker import EXIT_FINISHED, EXIT_UNRECOVERABLE, Worker, service_names
 from bpn_shared.spec.config import ConfigError
@@ -161,7 +161,7 @@ def main(argv: list[str] | None = None) -> int:
         "--runs-dir", type=Path, default=Path("runs"), help="where run folders are (default runs)"
     )
     parser.add_argument(
-        "--slot", type=int, default=0,
+        "--slot", type=natural, default=0,
         help="rank among the run's learners; 0 (default) is the one that owns the run folder",
     )  # fmt: skip
     parser.add_argument(

@@ -15,15 +15,14 @@ from uuid import UUID
 import numpy as np
 import numpy.typing as npt
 
-from bpn_shared.bnn.blob import NO_RUN, BlobError, Parameters
+from bpn_shared.bnn.blob import Parameters
+from bpn_shared.bnn.envelope import NO_RUN, BlobError, Envelope, Header, check_provenance
 from bpn_shared.spec.network import NetworkSpec
 
 Preferences = npt.NDArray[np.float32]
 
 MAGIC = b"BPNF"
-SCHEMA = 1
-_HEADER = struct.Struct("<4sHHHH16sIII")
-_DIGEST_BYTES = hashlib.sha256().digest_size
+_ENVELOPE = Envelope("float policy", MAGIC, schema=1, own="I")
 _GRAPH_BYTES = 16 * 1024  # of a model, beside its parameters
 
 
@@ -59,9 +58,7 @@ class FloatWeights:
             raise BlobError(f"probe_outputs are {found}, not float32[{self.spec.actions}]")
         if not np.isfinite(self.probe_outputs).all():
             raise BlobError("probe_outputs are not finite")
-        for name, value in (("attempt", self.attempt), ("version", self.version)):
-            if not 0 <= value < 2**32:
-                raise BlobError(f"{name} = {value} is outside 0..{2**32 - 1}")
+        check_provenance(self.attempt, self.version)
 
     @property
     def scale(self) -> float:
@@ -82,12 +79,8 @@ class FloatWeights:
 
     def encode(self) -> bytes:
         """The policy as bytes."""
-        header = _HEADER.pack(
-            MAGIC, SCHEMA, self.spec.channels, self.spec.nodes, self.spec.actions,
-            self.run.bytes, self.attempt, self.version, len(self.model),
-        )  # fmt: skip
-        data = header + self.probe_outputs.astype("<f4").tobytes() + self.model
-        return data + hashlib.sha256(data).digest()
+        header = Header(self.spec, self.run, self.attempt, self.version, len(self.model))
+        return _ENVELOPE.seal(header, self.probe_outputs.astype("<f4").tobytes() + self.model)
 
     @classmethod
     def decode(cls, data: bytes) -> Self:
@@ -96,30 +89,11 @@ class FloatWeights:
         Raises:
             BlobError: truncated, oversized, altered, of another schema, or no float policy at all.
         """
-        if len(data) < _HEADER.size:
-            raise BlobError(f"{len(data)} bytes are fewer than a float policy's {_HEADER.size}")
-        magic, schema, channels, nodes, actions, run, attempt, version, model_bytes = (
-            _HEADER.unpack_from(data)
-        )
-        if magic != MAGIC:
-            raise BlobError(f"starts with {magic!r}, a float policy starts with {MAGIC!r}")
-        if schema != SCHEMA:
-            raise BlobError(
-                f"float policy schema {schema}, this program reads {SCHEMA}: update the older one"
-            )
-        try:
-            spec = NetworkSpec(channels, nodes, actions)
-        except ValueError as error:
-            raise BlobError(f"impossible geometry: {error}") from error
-        model_start = _HEADER.size + 4 * actions
-        expected = model_start + model_bytes + _DIGEST_BYTES
-        if len(data) != expected:
-            raise BlobError(f"{len(data)} bytes, the header tells of {expected}")
-        if hashlib.sha256(data[:-_DIGEST_BYTES]).digest() != data[-_DIGEST_BYTES:]:
-            raise BlobError("SHA-256 mismatch: the float policy was altered on its way")
-        probe_outputs = np.frombuffer(data, "<f4", actions, _HEADER.size).astype(np.float32)
-        model = data[model_start:-_DIGEST_BYTES]
-        return cls(spec, model, probe_outputs, UUID(bytes=run), attempt, version)
+        spec, run, attempt, version, model_bytes = _ENVELOPE.header(data)
+        outputs_bytes = 4 * spec.actions
+        body = _ENVELOPE.body(data, outputs_bytes + int(model_bytes))
+        probe_outputs = np.frombuffer(body, "<f4", spec.actions).astype(np.float32)
+        return cls(spec, body[outputs_bytes:], probe_outputs, run, attempt, version)
 
 
 def max_model_bytes(spec: NetworkSpec) -> int:
@@ -129,4 +103,4 @@ def max_model_bytes(spec: NetworkSpec) -> int:
 
 def max_encoded_size(spec: NetworkSpec) -> int:
     """The most bytes of a float policy with this geometry."""
-    return _HEADER.size + 4 * spec.actions + max_model_bytes(spec) + _DIGEST_BYTES
+    return _ENVELOPE.size(4 * spec.actions + max_model_bytes(spec))

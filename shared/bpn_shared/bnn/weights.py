@@ -1,7 +1,8 @@
 """A policy as it travels and rests: a weight blob (binarized) or a float policy, told apart by their magic."""
 
 from bpn_shared.bnn.blob import MAGIC as BINARY_MAGIC
-from bpn_shared.bnn.blob import BlobError, WeightBlob, encoded_size
+from bpn_shared.bnn.blob import WeightBlob, encoded_size
+from bpn_shared.bnn.envelope import BlobError
 from bpn_shared.bnn.float_weights import MAGIC as FLOAT_MAGIC
 from bpn_shared.bnn.float_weights import FloatWeights, max_encoded_size
 from bpn_shared.spec.algorithms import NetworkKind

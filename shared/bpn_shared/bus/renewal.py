@@ -26,8 +26,8 @@ class CertificateWatch:
         now_s: the clock of what is said again, seconds.
 
     Attributes:
-        life: of the certificate that ends first, the service's own or the authority's, as `warn` last read it;
-            None: it never could.
+        life: of the certificate that people should renew first, the service's own or the authority's, as `warn`
+            last read it; None: it never could.
     """
 
     def __init__(
@@ -58,14 +58,13 @@ class CertificateWatch:
         """Says once a day that a certificate is near its end, and once an hour that it is past it."""
         if self._looked_s is not None and self._now_s() - self._looked_s < _LOOK_AGAIN_S:
             return
-        self._looked_s = self._now_s()
+        self._looked_s, now = self._now_s(), datetime.now(UTC)
         try:
-            self.life, path = _first_end(self._files)
+            self.life, path = _first_to_renew(self._files, now)
         except (OSError, ValueError) as error:
             self._say(f"the certificate cannot be read: {one_line(error)}", expired=True)
             return
-        now, when = datetime.now(UTC), f"{self.life.end:%Y-%m-%d %H:%M:%S} UTC"
-        left = self.life.left(now)
+        left, when = self.life.left(now), f"{self.life.end:%Y-%m-%d %H:%M:%S} UTC"
         if left <= timedelta(0):
             self._say(f"certificate {path} expired {when}", expired=True)
         elif self.life.is_near_end(now):
@@ -83,7 +82,7 @@ class CertificateWatch:
             self._said_s, self._said_expired = now_s, expired
 
 
-def _first_end(files: CertificateFiles) -> tuple[Life, Path]:
-    """Of the certificates that a service needs, the one that ends first."""
+def _first_to_renew(files: CertificateFiles, now: datetime) -> tuple[Life, Path]:
+    """Of the certificates that a service needs, the one whose end is near, or else the one that ends first."""
     lives = [(facts_of(path).life, path) for path in (files.certificate, files.authority)]
-    return min(lives, key=lambda each: each[0].end)
+    return min(lives, key=lambda each: (not each[0].is_near_end(now), each[0].end))

@@ -66,6 +66,10 @@ class RouterWatch(Closing):
         waiting: is told that nothing goes on without the router.
         counters: `router_lost` is counted here.
         say_after_s: for how long it must be lost before that is said.
+        certificates: whether it says as well when the session's certificates are near their end.
+
+    Attributes:
+        why: it is lost, where that is known; empty: it is not, or nobody can say why.
     """
 
     def __init__(
@@ -76,16 +80,17 @@ class RouterWatch(Closing):
         *,
         period_s: float = PERIOD_S,
         say_after_s: float = SAY_AFTER_S,
+        certificates: bool = True,
     ) -> None:
         self._bus, self._waiting, self._counters = bus, waiting, counters
         self._period_s, self._say_after_s = period_s, say_after_s
         self._outage = Outage(now_s())
         self._lock = threading.Lock()
         self._holders: dict[threading.Event, tuple[float, list[str]]] = {}
-        files = own_certificates() if bus.endpoint.startswith("tls/") else None
+        files = own_certificates() if certificates and bus.endpoint.startswith("tls/") else None
         self._certificate = None if files is None else CertificateWatch(files)
         self._said: str | None = None
-        self._why = ""
+        self.why = ""
         self._backoff = Backoff(2.0, 60.0)
         self._look_why_s = 0.0
         self._closed = threading.Event()
@@ -144,7 +149,7 @@ class RouterWatch(Closing):
                         f"this process stood still for {lost_s:.0f} s"
                         if self._outage.stood_still_s
                         else f"the router at {self._bus.endpoint} is lost for {lost_s:.0f} s"
-                        + (f": {self._why}" if self._why else "")
+                        + (f": {self.why}" if self.why else "")
                     )
                     stop.set()
 
@@ -152,23 +157,23 @@ class RouterWatch(Closing):
         if self._said is None:
             self._counters.add("router_lost")
             self._backoff.reset()
-            self._look_why_s, self._why, self._since_s = 0.0, "", t_s - lost_s
+            self._look_why_s, self.why, self._since_s = 0.0, "", t_s - lost_s
         elif t_s < self._look_why_s:
             return
         self._look_why_s = t_s + self._backoff.next_s()
-        self._why = obstacle(self._bus.endpoint)
-        what = f"the router at {self._bus.endpoint}" + (f": {self._why}" if self._why else "")
+        self.why = obstacle(self._bus.endpoint)
+        what = f"the router at {self._bus.endpoint}" + (f": {self.why}" if self.why else "")
         if what != self._said:
             log.warning("lost %s", what)
             self._said = what
             self._waiting.obstruct(what)
 
     def _found(self) -> None:
+        self._said, self.why = None, ""
+        self._waiting.obstruct(None)
         log.warning(
             "the router at %s is back after %.0f s", self._bus.endpoint, now_s() - self._since_s
         )
-        self._said = None
-        self._waiting.obstruct(None)
 
     def close(self) -> None:
         """Looks no more."""

@@ -11,6 +11,7 @@ import zenoh
 
 from bpn_shared.backoff import Backoff
 from bpn_shared.bus.certificates import client_tls
+from bpn_shared.bus.endpoint import check_endpoint
 from bpn_shared.bus.obstacle import obstacle, plain
 from bpn_shared.bus.traffic import Traffic
 from bpn_shared.closing import Closing
@@ -33,6 +34,7 @@ class BusError(RuntimeError):
 
 
 def _client_config(endpoint: str) -> zenoh.Config:
+    check_endpoint(endpoint)
     return zenoh.Config.from_json5(
         json.dumps(
             {
@@ -69,7 +71,7 @@ class Bus(Closing):
 
     Raises:
         BusError: no router at the endpoint within the deadline, or `stop` was set.
-        CertificateError: the endpoint needs certificates, and there are none.
+        InputError: it is no endpoint, or it needs certificates, and there are none.
     """
 
     def __init__(

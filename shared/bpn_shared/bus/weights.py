@@ -8,7 +8,7 @@ from uuid import UUID
 
 import zenoh
 
-from bpn_shared.bnn.blob import BlobError
+from bpn_shared.bnn.envelope import BlobError
 from bpn_shared.bnn.weights import (
     Rank,
     Weights,

@@ -68,7 +68,7 @@ class Telemetry(Message):
         latencies: of the last seconds, by name (docs/metrics.md).
         refusals: by counter, why the newest of what it counts was refused.
         version, protocol: of the program (`bpn_shared.version`); empty and 1 of one that did not tell.
-        certificate: of its certificates on the bus, the life of the one that ends first; None: it has none.
+        certificate: of its certificates on the bus, the life of the one to renew first; None: it has none.
     """
 
     SCHEMA = 3

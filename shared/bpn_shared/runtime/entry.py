@@ -58,6 +58,17 @@ def argument_parser(kind: Role, description: str | None) -> argparse.ArgumentPar
     return parser
 
 
+def natural(text: str) -> int:
+    """For options that count from 0.
+
+    Raises:
+        argparse.ArgumentTypeError: it does not.
+    """
+    if not text.isdecimal() or not text.isascii():
+        raise argparse.ArgumentTypeError(f"{text!r} is no number from 0 on")
+    return int(text)
+
+
 Answers = Mapping[str, Callable[[bytes], bytes]]
 """By key, what a worker answers there whether it is idle or not (`Responder`'s handlers)."""
 
@@ -125,7 +136,7 @@ def _serve_run(process: WorkerProcess, run: UUID, slot: int, serve: Serve) -> in
 def slot_parser(kind: Role, description: str | None) -> argparse.ArgumentParser:
     """The options that every worker of one slot has."""
     parser = argument_parser(kind, description)
-    parser.add_argument("--slot", type=int, help="which robot of the run, from 0; with --run")
+    parser.add_argument("--slot", type=natural, help="which robot of the run, from 0; with --run")
     return parser
 
 

@@ -111,3 +111,9 @@ def test_a_killed_service_comes_back_and_stop_leaves_none(
     supervisor.stop()
     assert second.poll() is not None
     assert not supervisor.failure
+
+
+def test_a_run_that_was_removed_stays_removed(tmp_path: Path) -> None:
+    with pytest.raises(FileNotFoundError):
+        Supervisor([], tmp_path / "removed" / "logs").start()
+    assert not list(tmp_path.iterdir())

@@ -14,6 +14,7 @@ from bpn_dashboard.access.connections import Connections
 from bpn_dashboard.server import Server, listen
 from bpn_shared.counters import Counters
 
+MISMATCH = "key values mismatch"
 DAY = Validity.of_days(1)
 AUTHORITY = new_authority("pages", DAY)
 
@@ -34,7 +35,7 @@ def serving(folder: Path) -> Iterator[Callable[[], str]]:
     listener.connections = Connections(Counters())
     running = Server(nothing, listener, folder / "certificate.pem", folder / "key.pem")
     running.config.lifespan = "off"
-    thread = threading.Thread(target=running.serve_until, args=[stop])
+    thread = threading.Thread(target=running.serve_until, args=[stop], daemon=True)
     thread.start()
     try:
         yield lambda: ssl.get_server_certificate(listener.getsockname(), timeout=20.0)
@@ -57,8 +58,11 @@ def test_renewed_files_are_shown_and_half_a_renewal_is_not(
     with serving(tmp_path) as shown:
         assert shown() == pem["1"]
         write(tmp_path, second, key=first)
-        wait_for(lambda: "cannot be used yet" in caplog.text, "the wrong pair to be seen")
+        wait_for(lambda: MISMATCH in caplog.text, "the wrong pair to be seen")
         assert shown() == pem["1"]
+        handshakes = [shown() for _ in range(20)]  # longer than some looks
+        assert set(handshakes) == {pem["1"]}
+        assert caplog.text.count(MISMATCH) == 1
         (tmp_path / "key.pem").unlink()
         assert shown() == pem["1"]
         write(tmp_path, second)

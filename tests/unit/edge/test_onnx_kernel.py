@@ -15,7 +15,8 @@ from bpn_edge.kernel import load
 from bpn_edge.kernel.onnx import OnnxKernel
 from bpn_edge.kernel.protocol import OutputError
 from bpn_edge.memory import WeightMemory, verify
-from bpn_shared.bnn.blob import BlobError, WeightBlob
+from bpn_shared.bnn.blob import WeightBlob
+from bpn_shared.bnn.envelope import BlobError
 from bpn_shared.bnn.float_weights import FloatWeights
 from bpn_shared.bnn.onnx_model import onnx_model
 from bpn_shared.counters import Counters

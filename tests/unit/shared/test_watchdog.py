@@ -130,7 +130,7 @@ def test_however_much_waits_the_causes_beside_it_are_told(waiting: int, refused:
     for slot in range(waiting):
         dog.hear(report(f"edge-{slot}", "edge", slot=slot, waiting_for="a frame"), 0.0)
     foreign = tuple(f"edge edge-{n} speaks protocol 1" for n in range(refused))
-    reason = dog.reason(0.0, Circumstances(refused=foreign, disk="the disk is full"))
+    reason = said(dog, 0.0, Circumstances(refused=foreign, disk="the disk is full"))
     assert reason.endswith("the disk is full")
     assert ("speaks protocol 1" in reason) == (refused > 0)
     assert len(reason.split("; ")) <= 7

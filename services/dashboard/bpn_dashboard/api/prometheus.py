@@ -8,11 +8,11 @@ from prometheus_client.metrics_core import Metric
 from prometheus_client.process_collector import ProcessCollector
 from prometheus_client.registry import Collector
 
-from bpn_dashboard.access.guard import is_loopback
 from bpn_dashboard.api.context import Context, Parts, identify
 from bpn_dashboard.api.problems import ApiError, responses
 from bpn_dashboard.certificates import of_workers
 from bpn_dashboard.exposition import runs, system, workers
+from bpn_shared.bus.address import is_loopback
 
 router = APIRouter(tags=["health"])
 

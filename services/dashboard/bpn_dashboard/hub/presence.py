@@ -13,13 +13,13 @@ KIND = "dashboard"
 class Presence:
     """A liveliness token and telemetry, until it is closed."""
 
-    def __init__(self, bus: Bus, name: str, counters: Counters) -> None:
+    def __init__(self, bus: Bus, name: str, counters: Counters, waiting: Waiting) -> None:
         reporter = Reporter(
             KIND,
             name,
             lambda: (None, None),
             bus.traffic,
-            waiting=Waiting(),
+            waiting=waiting,
             counters=counters,
             latencies=Latencies(),
             weights=WeightsMarks(),

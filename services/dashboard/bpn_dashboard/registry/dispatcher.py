@@ -7,7 +7,7 @@ import logging
 import shutil
 import threading
 import time
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 
 from bpn_dashboard.database.tables import RunRow
 from bpn_dashboard.registry.admission import recorded
@@ -53,6 +53,7 @@ class Dispatcher:
         counters: refused requests are counted here.
         leading: false: another registry serves this router; runs are watched, nothing is done to them.
         read_only: which one, as a sentence; None: none that is known.
+        why_lost: the router is, where that is known; empty: it is not, or nobody can say why.
 
     Attributes:
         desk: what tokens and requests tell.
@@ -62,9 +63,10 @@ class Dispatcher:
     def __init__(
         self, bus: Bus, store: RunStore, counters: Counters,
         *, leading: bool = True, read_only: WhyNot = lambda: None,
+        why_lost: Callable[[], str] = str,
     ) -> None:  # fmt: skip
         self._bus, self._store, self._counters = bus, store, counters
-        self._leading, self._read_only = leading, read_only
+        self._leading, self._read_only, self._why_lost = leading, read_only, why_lost
         self._lock = threading.Lock()
         self._changed: dict[str, RunRow] = {}
         self._news = threading.Event()
@@ -164,9 +166,7 @@ class Dispatcher:
         if now_s >= self._adopt_at_s:
             self._store.adopt()
             self._take_changes(self._store.changed_folders())
-            for run_id in self._rows.keys() - self._store.ids():  # removed
-                self._forget(run_id)
-            self._demand()
+            self._forget_removed()
             self._adopt_at_s = now_s + ADOPT_S
         self.desk.on_router(self._bus.router)
         self._note_losses()
@@ -217,6 +217,12 @@ class Dispatcher:
             _keep_newest(self._rows, self._store.observe(news))
         return bool(news)
 
+    def _forget_removed(self) -> None:
+        if removed := self._rows.keys() - self._store.ids():
+            for run_id in removed:
+                self._forget(run_id)
+            self._demand()
+
     def _forget(self, run_id: str) -> None:
         del self._rows[run_id]
         self._observers.pop(run_id, None)
@@ -248,14 +254,18 @@ class Dispatcher:
             run_id: observer.owner if (observer := self._observers.get(run_id)) is not None
             and observer.elsewhere else None for run_id in self._rows
         }  # fmt: skip
-        connected = self._bus.connected
-        router = "" if connected else f"the router at {self._bus.endpoint} is not reached"
         known = self.desk.around(
-            elsewhere, router=router, disk=self._disk(), read_only=self._read_only() or ""
+            elsewhere, router=self._router(), disk=self._disk(), read_only=self._read_only() or ""
         )
         self._store_seen(
             {run: self.stalls.columns(self._rows[run], known[run], now_s) for run in known}
         )
+
+    def _router(self) -> str:
+        if self._bus.connected:
+            return ""
+        why = self._why_lost()
+        return f"the router at {self._bus.endpoint} is not reached" + (f": {why}" if why else "")
 
     def _disk(self) -> str:
         try:
