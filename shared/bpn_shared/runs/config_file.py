@@ -9,7 +9,6 @@ from typing import Any
 
 from bpn_shared.runs.digests import DamagedError, seal, unseal
 from bpn_shared.spec.config import ConfigError, RunConfig
-from bpn_shared.spec.gym import GymOptions
 from bpn_shared.version import VERSION, written_by
 
 SCHEMA = 2
@@ -40,13 +39,13 @@ def decode_config(data: bytes, *, source: str) -> RunConfig:
         raise ConfigError(f"{source}: it has no values; {_REMEDY}")
     for older in range(schema, SCHEMA):
         values = _MIGRATIONS[older](values)
+    values = _BEFORE_GYM_OPTIONS | values
     unknown = values.keys() - RunConfig.model_fields.keys()
     if unknown and schema > 1:
         raise OtherConfigVersionError(
             f"{source}: {', '.join(sorted(unknown))} unknown here, {_whose(document)}"
         )
-    # Options that are off where the file, from before they were there, does not have them.
-    missing = RunConfig.model_fields.keys() - GymOptions.model_fields.keys() - values.keys()
+    missing = RunConfig.model_fields.keys() - values.keys()
     if missing and schema > 1:
         raise ConfigError(f"{source}: {', '.join(sorted(missing))} missing; {_REMEDY}")
     return RunConfig.parse(values, source=source)
@@ -105,6 +104,18 @@ def _whose(document: dict[str, Any]) -> str:
     version = writer.get("version", "?") if isinstance(writer, dict) else "?"
     return f"written by bpn {version}; this is bpn {VERSION}: use the version that wrote it"
 
+
+_BEFORE_GYM_OPTIONS: dict[str, Any] = {
+    # Files of schema 2 from before there were these options.
+    "env_kwargs": "",
+    "env_wrappers": "",
+    "frames_from": "auto",
+    "observation_key": "",
+    "crop": "",
+    "max_over_frames": 1,
+    "difference": False,
+    "action_bins": 0,
+}
 
 _BEFORE_SCHEMA_2: dict[str, Any] = {
     # The defaults of schema 1, and for what its first programs did not have yet, what they did.

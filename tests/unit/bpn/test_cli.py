@@ -84,7 +84,10 @@ def test_it_tells_its_version(capsys: pytest.CaptureFixture[str]) -> None:
     [
         (["bench", "kernel", "--quick"], "--quick are of `bpn bench dashboard`, not kernel"),
         (["bench", "dashboard", "--parts", "series,moon"], "--parts moon: there are series, lists"),
-        (["train"], "TASK is missing; one of: reaching, tracking, pan_tilt, gym:ENVIRONMENT-ID"),
+        (
+            ["train"],
+            "TASK is missing; one of: reaching, tracking, pan_tilt, gym:[MODULE:]ENVIRONMENT-ID",
+        ),
         (["train", "reaching", "--runs-dir", "/proc/x"], "--runs-dir /proc/x: No such file"),
         (["train", "reaching", "--runs-dir", "FILE"], "FILE: File exists; choose a folder"),
         (["train", "reaching", "--runs-dir", "FILE/x"], "FILE/x: Not a directory; choose a folder"),

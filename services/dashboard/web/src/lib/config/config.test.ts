@@ -32,7 +32,9 @@ const SCHEMA: ConfigSchema = {
 const field = (key: string) => fieldOf(SCHEMA.schema.properties, key);
 
 test('every key of the schema has its field, also one that nobody placed', () => {
-  const keys = sectionsOf(SCHEMA).flatMap((section) => section.fields.map((one) => one.key));
+  const keys = sectionsOf(SCHEMA, 'gym:A-v0').flatMap((section) =>
+    section.fields.map((one) => one.key),
+  );
   expect([...keys].sort()).toEqual(
     Object.keys(SCHEMA.schema.properties)
       .filter((key) => key !== 'task' && key !== 'algorithm')
@@ -136,10 +138,10 @@ test('what only environments have is asked of them alone, and may be emptied aga
   draft.texts.crop = ' ';
   expect(read(SCHEMA, draft)).toMatchObject({ wrong: {} });
   expect(read(SCHEMA, draft).config).not.toHaveProperty('crop');
-  const ofGym = sectionsOf(SCHEMA).filter((section) => section.ofGym);
-  expect(ofGym.map(({ fields }) => fields.map((one) => one.key))).toEqual([
-    ['env_kwargs', 'crop', 'difference'],
-  ]);
+  const [first] = sectionsOf(SCHEMA, 'gym:A-v0');
+  expect(first?.fields.map((one) => one.key)).toEqual(['env_kwargs', 'crop', 'difference']);
+  const others = sectionsOf(SCHEMA, 'reaching').flatMap((section) => section.fields);
+  expect(others.map((one) => one.key)).not.toContain('crop');
 });
 
 test('texts are separated by semicolons, since they have commas in them', () => {

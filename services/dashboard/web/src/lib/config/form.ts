@@ -16,7 +16,6 @@ export interface Section {
   title: string;
   open: boolean;
   fields: Field[];
-  ofGym: boolean; // for Gymnasium environments alone
 }
 
 /* Of other tasks these are fixed. */
@@ -62,16 +61,18 @@ const SECTIONS: { title: string; open: boolean; keys: string[] }[] = [
 ];
 const ELSEWHERE = new Set(['task', 'algorithm']);
 
-export function sectionsOf({ schema }: ConfigSchema): Section[] {
-  const rest = new Set(Object.keys(schema.properties).filter((key) => !ELSEWHERE.has(key)));
+/** The form for a task: every value that means something for it. */
+export function sectionsOf({ schema }: ConfigSchema, task: string): Section[] {
+  const rest = new Set(
+    Object.keys(schema.properties).filter((key) => !ELSEWHERE.has(key) && concerns(key, task)),
+  );
   const sections = SECTIONS.map(({ title, open, keys }) => ({
     title,
     open,
-    ofGym: keys === OF_GYM,
     fields: keys.filter((key) => rest.delete(key)).map((key) => fieldOf(schema.properties, key)),
   }));
   const others = [...rest].map((key) => fieldOf(schema.properties, key));
-  const last = { title: 'Where and how it runs', open: false, ofGym: false, fields: others };
+  const last = { title: 'Where and how it runs', open: false, fields: others };
   return [...sections, last].filter(({ fields }) => fields.length > 0);
 }
 
