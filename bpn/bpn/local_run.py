@@ -6,7 +6,7 @@ import secrets
 import tempfile
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from pathlib import Path
 from shutil import disk_usage
 from typing import Any
@@ -62,6 +62,7 @@ def execute(
     stop: threading.Event,
     out: Console,
     on_started: Callable[[Supervisor], None] = lambda _: None,
+    gym_modules: Collection[str] = (),
 ) -> None:
     """Runs the run and shows how it goes.
 
@@ -77,7 +78,14 @@ def execute(
     notice = StallNotice(progress.warn)
     stalls = LocalStalls(config.steps, folder.path, notice)
     display = _display(progress, folder, endpoint, stop, stalls)
-    run_to_end(folder, endpoint=endpoint, stop=stop, on_started=on_started, display=display)
+    run_to_end(
+        folder,
+        endpoint=endpoint,
+        stop=stop,
+        on_started=on_started,
+        display=display,
+        gym_modules=gym_modules,
+    )
 
 
 def run_to_end(
@@ -87,11 +95,13 @@ def run_to_end(
     stop: threading.Event,
     on_started: Callable[[Supervisor], None] = lambda _: None,
     display: contextlib.AbstractContextManager[None] | None = None,
+    gym_modules: Collection[str] = (),
 ) -> None:
     """Runs all services until the run is finished or `stop` is set; leaves no process.
 
     Args:
         display: what is entered while they run.
+        gym_modules: what robots may import for a `gym:` task.
 
     Raises:
         ConfigError: somebody else is learning the run.
@@ -104,7 +114,8 @@ def run_to_end(
     config = folder.config()
     folder.state()  # what cannot be read is said before anything starts
     supervisor = Supervisor(
-        services_of_run(folder.run, config, folder.path.parent, endpoint), folder.logs
+        services_of_run(folder.run, config, folder.path.parent, endpoint, gym_modules),
+        folder.logs,
     )
     try:
         supervisor.start()

@@ -8,8 +8,8 @@ from typing import Any, Literal, get_args, get_origin
 from annotated_types import Ge, Gt, Le, Lt
 
 from bpn_shared.spec.config import OPTIONS, RunConfig
+from bpn_shared.spec.gym import GYM_PREFIX, GymOptions
 from bpn_shared.spec.installed import is_installed, offered, preset_of
-from bpn_shared.spec.tasks import GYM_PREFIX
 
 _RANGES = {Ge: "≥ {}", Gt: "> {}", Le: "≤ {}", Lt: "< {}"}
 
@@ -23,6 +23,7 @@ def add_run_options(parser: argparse.ArgumentParser, arguments: Sequence[str]) -
     task = next((word for word in arguments if is_installed(word)), None)
     of_whom = f"of {task}" if task else "of each task: `bpn train TASK --help`"
     group = parser.add_argument_group(f"run configuration (defaults {of_whom})")
+    of_gym = parser.add_argument_group("of gym: tasks alone (docs/tasks/gym.md)")
     defaults = defaults_of(task) if task else common_defaults()
     for name in OPTIONS:
         if name != "task":
@@ -31,7 +32,7 @@ def add_run_options(parser: argparse.ArgumentParser, arguments: Sequence[str]) -
             alone: dict[str, Any] = (
                 {"nargs": "?", "const": True} if field.annotation is bool else {}
             )
-            group.add_argument(
+            (of_gym if name in GymOptions.model_fields else group).add_argument(
                 f"--{name.replace('_', '-')}",
                 dest=name,
                 metavar=_metavar(field),
@@ -85,7 +86,8 @@ def _default(name: str, defaults: Mapping[str, Any], task: str | None) -> str:
         return "found out" if task else "by task"
     if name not in defaults:
         return "by task"
-    return f"{defaults[name]} for {task}" if task else str(defaults[name])
+    value = "none" if defaults[name] == "" else defaults[name]
+    return f"{value} for {task}" if task else str(value)
 
 
 def _help(field: Any, default: str) -> str:

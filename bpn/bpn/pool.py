@@ -2,12 +2,14 @@
 
 import os
 import platform
+from collections.abc import Collection
 from dataclasses import dataclass
 from pathlib import Path
 
 from bpn.certified import environment, local_endpoint
 from bpn.supervisor import Service
 from bpn_shared.bus.access import ROUTER
+from bpn_shared.runtime.gym_modules import as_arguments
 
 
 @dataclass(frozen=True)
@@ -26,6 +28,7 @@ def services_of_pool(
     dashboard: list[str],
     *,
     certificates: Path | None = None,
+    gym_modules: Collection[str] = (),
 ) -> list[Service]:
     """Router, dashboard, and workers that take whatever the registry gives them.
 
@@ -36,6 +39,7 @@ def services_of_pool(
         endpoint: where the router listens.
         dashboard: more options of the dashboard.
         certificates: a folder for each role (`bpn-certificates`), for a router that others reach over TLS.
+        gym_modules: what robots may import for `gym:` tasks.
     """
     cores = sorted(os.sched_getaffinity(0))
     connect = ["--connect", local_endpoint(endpoint)]
@@ -60,16 +64,16 @@ def services_of_pool(
                 environment=environment(certificates, "learner"),
             )
         )
-    for role, name, count in (
-        ("robot_sim", "robot", size.robots),
-        ("edge", "edge", size.edges),
+    for role, name, count, more in (
+        ("robot_sim", "robot", size.robots, as_arguments(gym_modules)),
+        ("edge", "edge", size.edges, []),
     ):
         for index in range(count):
             place = ["--place", f"{platform.node()}/{index}"]
             services.append(
                 Service(
                     f"{name}-{index}",
-                    [f"bpn_{role}", *connect, *place],
+                    [f"bpn_{role}", *connect, *place, *more],
                     core=cores[index % len(cores)],
                     essential=False,
                     environment=environment(certificates, role),

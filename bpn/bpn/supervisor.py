@@ -7,12 +7,13 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from uuid import UUID
 
 from bpn.last_words import last_words
+from bpn_shared.runtime.gym_modules import as_arguments
 from bpn_shared.runtime.service import SUPERVISOR_PID
 from bpn_shared.runtime.worker import EXIT_FINISHED, EXIT_UNRECOVERABLE, service_name
 from bpn_shared.spec.config import RunConfig
@@ -204,9 +205,15 @@ def quiet_threads() -> dict[str, str]:
     return {"OMP_NUM_THREADS": "1", "OMP_WAIT_POLICY": "passive", "OPENBLAS_NUM_THREADS": "1"}
 
 
-def services_of_run(run: UUID, config: RunConfig, runs_dir: Path, endpoint: str) -> list[Service]:
-    """Router, learners, and a robot with its edge for every slot."""
-    router, *slots = router_and_slots(run, config.robots, endpoint)
+def services_of_run(
+    run: UUID,
+    config: RunConfig,
+    runs_dir: Path,
+    endpoint: str,
+    gym_modules: Collection[str] = (),
+) -> list[Service]:
+    """Router, learners, and a robot with its edge for every slot; see `router_and_slots`."""
+    router, *slots = router_and_slots(run, config.robots, endpoint, gym_modules)
     learner = ["bpn_learner", "--run", str(run), "--connect", endpoint, "--runs-dir", str(runs_dir)]
     learners = [
         Service(service_name("learner", rank), [*learner, "--slot", str(rank)])
@@ -215,13 +222,19 @@ def services_of_run(run: UUID, config: RunConfig, runs_dir: Path, endpoint: str)
     return [router, *learners, *slots]
 
 
-def router_and_slots(run: UUID, robots: int, endpoint: str) -> list[Service]:
+def router_and_slots(
+    run: UUID, robots: int, endpoint: str, gym_modules: Collection[str] = ()
+) -> list[Service]:
     """All services of a run but its learner.
 
     A robot and its edge take turns, so they share a core, the first pair with the router: waking a thread
     on another core that has gone to sleep costs more than what it then does. Runs side by side start at
     different cores.
+
+    Args:
+        gym_modules: what robots may import for `gym:` tasks.
     """
+    allow = as_arguments(gym_modules)
     cores = sorted(os.sched_getaffinity(0))
     first = run.int % len(cores)
     services = [
@@ -230,6 +243,6 @@ def router_and_slots(run: UUID, robots: int, endpoint: str) -> list[Service]:
     for slot in range(robots):
         core = cores[(first + slot) % len(cores)]
         there = ["--run", str(run), "--connect", endpoint, "--slot", str(slot)]
-        services.append(Service(f"robot-{slot}", ["bpn_robot_sim", *there], core=core))
+        services.append(Service(f"robot-{slot}", ["bpn_robot_sim", *there, *allow], core=core))
         services.append(Service(f"edge-{slot}", ["bpn_edge", *there], core=core))
     return services

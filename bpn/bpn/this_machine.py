@@ -1,11 +1,13 @@
 """This machine as the place where a run is done: what is missing is said before a run is made."""
 
 import logging
+from collections.abc import Collection
 from importlib.util import find_spec
 
 from bpn.terminal import stdout_for_results
 from bpn_shared.errors import InputError
 from bpn_shared.messages.probe import ProbeReply, ProbeRequest
+from bpn_shared.runtime.gym_modules import check_allowed
 from bpn_shared.spec.config import ConfigError, RunConfig
 from bpn_shared.spec.rewards import reward_function
 from bpn_shared.spec.tasks import TaskSpec, is_gym
@@ -14,13 +16,20 @@ log = logging.getLogger(__name__)
 
 
 class ThisMachine:
-    """A `Workplace` that has all services in processes of its own."""
+    """A `Workplace` that has all services in processes of its own.
+
+    Args:
+        gym_modules: what `gym:` tasks may import there.
+    """
+
+    def __init__(self, gym_modules: Collection[str] = ()) -> None:
+        self._gym_modules = gym_modules
 
     def probe(self, asked: ProbeRequest) -> ProbeReply:
         """See `Workplace.probe`; what the environment prints goes to standard error."""
         from bpn_robot_sim.probe import probe_in_child  # noqa: PLC0415 - it takes a second to load
 
-        found = probe_in_child(asked)
+        found = probe_in_child(asked, self._gym_modules)
         if found.note:
             log.warning("%s", found.note)
         return found
@@ -39,7 +48,9 @@ class ThisMachine:
         from bpn_edge.kernel import load  # noqa: PLC0415 - it takes a second to load
 
         load(config.kernel)
-        if not is_gym(config.task):  # which was probed, or takes a while to make
+        if is_gym(config.task):  # which was probed, or takes a while to make
+            check_allowed(config.task, config, self._gym_modules)
+        else:
             check_robot(config.task_spec)
 
 

@@ -32,20 +32,35 @@ TASKS: dict[str, Values] = {
     "tracking": {"algorithm": "bqn"},
     "pan_tilt": {"iterations": 7},
     "gym:CartPole-v1": {"nodes": 64},
-    "gym:MountainCar-v0": {"frames_stacked": 3, "mask_terminals": False},
+    "gym:MountainCar-v0": {
+        "frames_stacked": 3, "mask_terminals": False, "crop": "0,50,600,300", "difference": True,
+        "frame_skip": 4, "max_over_frames": 2, "env_kwargs": '{"goal_velocity": 0.01}',
+        "env_wrappers": "RecordEpisodeStatistics",
+    },
+    "gym:Pendulum-v1": {"action_bins": 5, "frames_from": "renders"},
+    "gym:nobody.here:Has-v0": {"actions": 5, "env_wrappers": "nobody:Wraps"},
     "gym:nobody/Has-v0": {"actions": 5},  # given, so nobody opens it
-}
+}  # fmt: skip
 """One of every kind."""
 
 WRONG: list[tuple[str, Values, str]] = [
-    ("flying", {}, "unknown; one of: gym:ENVIRONMENT-ID, pan_tilt, reaching, tracking"),
-    ("gym:", {}, "must be gym:ENVIRONMENT-ID"),
+    ("flying", {}, "one of: gym:[MODULE:]ENVIRONMENT-ID, pan_tilt, reaching, tracking"),
+    ("gym:", {}, "must be gym:[MODULE:]ENVIRONMENT-ID"),
     ("reaching", {"alpha": 1.5}, "Input should be less than or equal to 1"),
     ("reaching", {"pacing": "slow"}, "Input should be 'lockstep' or 'realtime'"),
     ("reaching", {"kernel": "onnx"}, "kernel = 'onnx' does not run the network of 'bpn'"),
     ("reaching", {"actions": 3}, "actions = 3: task 'reaching' has 14; leave it out"),
     ("reaching", {"algorithm": "dpp", "alpha": 0.5}, "alpha = 0.5: dpp is CVI with alpha = 1"),
     ("gym:Pendulum-v1", {}, "only discrete ones can be learned"),
+    ("gym:CartPole-v1", {"env_kwargs": "{"}, "no JSON"),
+    ("gym:CartPole-v1", {"env_kwargs": '{"length": 3}'}, "unexpected keyword argument 'length'"),
+    ("gym:CartPole-v1", {"env_wrappers": "a:b:c"}, "must be MODULE:CLASS"),
+    ("gym:CartPole-v1", {"env_wrappers": "Nothing"}, "gymnasium.wrappers has no wrapper"),
+    ("gym:CartPole-v1", {"crop": "590,0,20,20"}, "beyond its pictures, which are 600 x 400"),
+    ("gym:CartPole-v1", {"frames_from": "observations"}, "its observations are no images"),
+    ("gym:CartPole-v1", {"observation_key": "rgb"}, "its observations are no Dict"),
+    ("gym:CartPole-v1", {"action_bins": 3}, "which are discrete already: leave action_bins out"),
+    ("reaching", {"crop": "0,0,9,9"}, "task 'reaching' is no Gymnasium environment; leave it out"),
     ("gym:NoSuch-v0", {}, "gym:NoSuch-v0 cannot be made"),
     ("gym:CartPole-v1", {"pacing": "realtime"}, "has no clock of its own; choose lockstep"),
     ("gym:nobody/Has-v0", {"pacing": "realtime"}, "has no clock of its own; choose lockstep"),
@@ -147,7 +162,10 @@ def test_every_kind_of_task_comes_in_by_every_door(task: str, served: Served) ->
     assert {name for name, one in configs.items() if one != config} == set(), others
     assert {name: getattr(config, name) for name in values} == values
     assert config.task == task
-    assert config.actions == {"gym:MountainCar-v0": 3}.get(task, config.task_spec.actions)
+    found_out = {"gym:MountainCar-v0": 3, "gym:Pendulum-v1": 5}
+    assert config.actions == found_out.get(task, config.task_spec.actions)
+    opened = task.startswith("gym:") and "actions" not in values
+    assert config.frames_from == ("renders" if opened else "auto")
 
 
 @pytest.mark.usefixtures("robot_worker")
@@ -160,6 +178,31 @@ def test_what_is_wrong_is_refused_in_the_same_words_and_makes_nothing(
             door(task, values)
         assert sentence in str(refused.value), name
     assert not list(served.runs_dir.parent.glob("*/*/config.json"))
+
+
+@pytest.mark.usefixtures("robot_worker")
+def test_a_module_that_workers_may_not_import_is_named_and_nothing_is_made(served: Served) -> None:
+    by_dashboard = {name: door for name, door in doors(served).items() if name != "command_line"}
+    for task, values in (
+        ("gym:nobody.here:Has-v0", {}),
+        ("gym:CartPole-v1", {"env_wrappers": "nobody.here:Wraps"}),
+    ):
+        for name, door in by_dashboard.items():
+            with pytest.raises(InputError) as refused:
+                door(task, values)
+            for part in ("'nobody.here'", "--allow-gym-modules nobody", "BPN_GYM_MODULES=nobody"):
+                assert part in str(refused.value), name
+    assert not list(served.runs_dir.parent.glob("*/*/config.json"))
+
+
+def test_a_run_from_elsewhere_names_no_module_that_is_allowed(served: Served) -> None:
+    door = doors(served)["command_line"]
+    folder = door("gym:nobody.here:Has-v0", {"actions": 3})
+    resume = ["train", "--resume", str(folder.run), "--runs-dir", str(folder.path.parent)]
+    with pytest.raises(InputError, match=r"needs the module 'nobody\.here'.*--allow-gym-modules"):
+        train.folder_of(parse(resume), None)
+    allowed = train.folder_of(parse([*resume, "--allow-gym-modules", "nobody"]), None)
+    assert allowed.run == folder.run
 
 
 def test_without_a_robot_worker_unknown_actions_are_one_clear_sentence(served: Served) -> None:

@@ -82,3 +82,49 @@ def test_an_idle_robot_worker_answers(
     finally:
         worker.terminate()
         worker.wait(10)
+
+
+WITNESS = """
+import pathlib, gymnasium
+from gymnasium.envs.classic_control import CartPoleEnv
+pathlib.Path(__file__).with_name("imported").touch()
+gymnasium.register("Witness/Cart-v0", entry_point=CartPoleEnv)
+"""
+
+
+def test_what_comes_over_the_bus_makes_no_worker_import_but_what_it_allows(
+    endpoint: str,
+    open_bus: Callable[[], Bus],
+    wait_for: Callable[..., None],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    (tmp_path / "witness.py").write_text(WITNESS)
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    bus, imported = open_bus(), tmp_path / "imported"
+    asked = ProbeRequest(task="gym:witness:Witness/Cart-v0", crop="0,100,600,300")
+    for allow in ([], ["--allow-gym-modules", "witness"]):
+        worker = subprocess.Popen(
+            [sys.executable, "-m", "bpn_robot_sim", "--connect", endpoint, *allow]
+        )
+        found: list[ProbeReply | str] = []
+
+        def answered(found: list[ProbeReply | str] = found) -> bool:
+            try:
+                found.append(probe_by_worker(bus, asked))
+            except ConfigError as error:
+                found.append(str(error))
+            except NoReplyError:
+                return False
+            return True
+
+        try:
+            wait_for(answered, "the worker to answer")
+        finally:
+            worker.terminate()
+            worker.wait(10)
+        if allow:
+            assert found == [ProbeReply(actions=2, seen="renders")]
+        else:
+            assert "needs the module 'witness', which is not allowed here" in str(found[0])
+        assert imported.exists() == bool(allow)

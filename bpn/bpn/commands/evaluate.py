@@ -21,6 +21,7 @@ from bpn.this_machine import ThisMachine
 from bpn_shared.bnn.weights import Weights, decode_weights
 from bpn_shared.errors import InputError
 from bpn_shared.runs.folder import RunFolder
+from bpn_shared.runtime.gym_modules import add_gym_modules, allowed_modules
 from bpn_shared.runtime.service import stop_on_signals
 from bpn_shared.spec.config import Kernel, Pacing, RunConfig
 from bpn_shared.spec.tasks import TaskSpec
@@ -56,6 +57,7 @@ def add_options(parser: argparse.ArgumentParser, _arguments: Sequence[str]) -> N
         "--plot", type=Path, metavar="FILE", help="trajectories, " + ", ".join(_PLOTS)
     )
     parser.add_argument("--json", action="store_true", help="print one JSON object")
+    add_gym_modules(parser)
     add_runs_dir(parser)
     parser.set_defaults(run=run)
 
@@ -66,10 +68,19 @@ def run(options: argparse.Namespace) -> int:
     trials = _trials(options, folder.config())
     config, weights = trials.config(folder.config()), _weights(folder, options.version)
     video, plot = _media(options, config.task_spec)
-    ThisMachine().check_playing(config)
+    gym_modules = allowed_modules(options.gym_modules)
+    ThisMachine(gym_modules).check_playing(config)
     stop = stop_on_signals()
     with bar("trials", trials.count) as over:
-        episodes = play(folder, weights, trials, stop, on_progress=over, say=over.say)
+        episodes = play(
+            folder,
+            weights,
+            trials,
+            stop,
+            on_progress=over,
+            say=over.say,
+            gym_modules=gym_modules,
+        )
     if stop.is_set():
         return 130
     result = {

@@ -23,9 +23,16 @@ from bpn.this_machine import ThisMachine
 from bpn_shared.errors import InputError
 from bpn_shared.runs.creation import configure, request_values
 from bpn_shared.runs.folder import RunFolder
+from bpn_shared.runtime.gym_modules import add_gym_modules, allowed_modules, as_arguments
 from bpn_shared.runtime.service import stop_on_signals
+from bpn_shared.spec.gym import modules_named
 from bpn_shared.spec.installed import task_names
+from bpn_shared.spec.tasks import is_gym
 
+_SEEN = {
+    "observations": "the environment's observations",
+    "renders": "what the environment renders",
+}
 _NOTICED_S = 8.0
 _AGAIN_S = 0.5
 
@@ -35,6 +42,7 @@ def add_options(parser: argparse.ArgumentParser, arguments: Sequence[str]) -> No
     parser.add_argument("--resume", metavar="RUN", help="go on with this run (id or its end)")
     parser.add_argument("--json", action="store_true", help="print one final JSON object only")
     add_runs_dir(parser)
+    add_gym_modules(parser)
     add_run_options(parser, arguments)
     parser.set_defaults(run=run)
 
@@ -42,6 +50,7 @@ def add_options(parser: argparse.ArgumentParser, arguments: Sequence[str]) -> No
 def run(options: argparse.Namespace) -> int:
     """Trains; exit status 130 if interrupted, with a folder that `--resume` takes."""
     dashboard = Dashboard.find(options.runs_dir)
+    gym_modules = modules_here(options)
     folder = folder_of(options, dashboard)
     config = folder.config()
     out = Console(file=sys.stderr if options.json else sys.stdout)
@@ -49,11 +58,13 @@ def run(options: argparse.Namespace) -> int:
     say(
         f"run {folder.run} ({config.algorithm}, {config.task}, seed {config.seed}) in {folder.path}"
     )
+    if config.frames_from != "auto":
+        say(f"the policy sees {_SEEN[config.frames_from]}")
     if dashboard is not None:
         say_place(dashboard, say)
     stop = stop_on_signals()
     if dashboard is None:
-        execute(folder, endpoint=private_endpoint(), stop=stop, out=out)
+        execute(folder, endpoint=private_endpoint(), stop=stop, out=out, gym_modules=gym_modules)
     else:
         follow(dashboard, folder, stop=stop, out=out)
     summary = summarize(folder)
@@ -67,9 +78,26 @@ def run(options: argparse.Namespace) -> int:
         )
     if summary["state"] == "finished":
         return 0
-    again = command("bpn", "train", "--resume", str(folder.run), "--runs-dir", options.runs_dir)
+    allow = as_arguments(gym_modules) if dashboard is None else []
+    again = command(
+        "bpn", "train", "--resume", str(folder.run), "--runs-dir", options.runs_dir, *allow
+    )
     say(f"stopped; go on with: {again}")
     return 130
+
+
+def modules_here(options: argparse.Namespace) -> frozenset[str]:
+    """What `gym:` tasks may import in processes of this command: what its own words name.
+
+    A run that is resumed names nothing: its configuration may be from elsewhere.
+
+    Raises:
+        InputError: one is no module's name.
+    """
+    allowed = allowed_modules(options.gym_modules)
+    if options.task is None or not is_gym(options.task):
+        return allowed
+    return allowed | frozenset(modules_named(options.task, options.env_wrappers or ""))
 
 
 def folder_of(options: argparse.Namespace, dashboard: Dashboard | None) -> RunFolder:
@@ -83,7 +111,7 @@ def folder_of(options: argparse.Namespace, dashboard: Dashboard | None) -> RunFo
             raise InputError(f"TASK is missing; one of: {task_names()}, or --resume RUN")
         values = {"task": options.task, **given_run_options(options)}
         if dashboard is None:
-            config = configure(values, ThisMachine())
+            config = configure(values, ThisMachine(modules_here(options)))
             check_runs_dir(options.runs_dir)
             return new_run(options.runs_dir, config)
         run = dashboard.create_run(request_values(values))
@@ -93,7 +121,7 @@ def folder_of(options: argparse.Namespace, dashboard: Dashboard | None) -> RunFo
         raise InputError(f"a resumed run keeps its configuration: leave out {', '.join(given)}")
     folder = RunFolder.open(options.runs_dir, options.resume)
     if dashboard is None:
-        ThisMachine().check(folder.config())
+        ThisMachine(modules_here(options)).check(folder.config())
     else:
         _resume(dashboard, str(folder.run))
     return folder

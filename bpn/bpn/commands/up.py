@@ -19,6 +19,7 @@ from bpn.terminal import command
 from bpn_shared.bus.access import ROUTER
 from bpn_shared.bus.router import configure
 from bpn_shared.errors import InputError
+from bpn_shared.runtime.gym_modules import add_gym_modules, allowed_modules
 from bpn_shared.runtime.service import stop_on_signals
 
 DEFAULT_TASK = "reaching"
@@ -42,6 +43,7 @@ def add_options(parser: argparse.ArgumentParser, _arguments: Sequence[str]) -> N
         help="what `bpn-certificates` made there, for a router that other machines reach: "
         "--listen tls/0.0.0.0:7447",
     )  # fmt: skip
+    add_gym_modules(parser)
     add_runs_dir(parser)
     parser.set_defaults(run=run)
 
@@ -75,6 +77,7 @@ def run(options: argparse.Namespace) -> int:
         options.listen or private_endpoint(),
         ["--port", str(port)],
         certificates=options.certificates,
+        gym_modules=allowed_modules(options.gym_modules),
     )
     supervisor = Supervisor(services, logs)
     stop = stop_on_signals()

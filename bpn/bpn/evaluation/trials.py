@@ -5,7 +5,7 @@ import shutil
 import tempfile
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -66,12 +66,14 @@ def play(
     *,
     on_progress: OnProgress = lambda _: None,
     say: Say = lambda _: None,
+    gym_modules: Collection[str] = (),
 ) -> list[Episode]:
     """Plays all trials.
 
     Args:
         weights: weights of that run.
         say: gets a line where no trial makes progress, with the reason.
+        gym_modules: what robots may import for a `gym:` task.
 
     Returns:
         The episodes in order of their trials; fewer if `stop` was set.
@@ -83,7 +85,7 @@ def play(
     config = trials.config(folder.config())
     endpoint, logs = private_endpoint(), Path(tempfile.mkdtemp(prefix="bpn-eval-"))
     robots = min(config.robots, trials.count)
-    supervisor = Supervisor(router_and_slots(folder.run, robots, endpoint), logs)
+    supervisor = Supervisor(router_and_slots(folder.run, robots, endpoint, gym_modules), logs)
     episodes: list[Episode] = []
     prepare_process()
     try:

@@ -53,7 +53,9 @@ class Policy:
 
     def act(self, frame: Frame) -> int:
         """The action for the newest frame uint8[c, 84, 84]."""
-        observation = stack([self._before, frame], 1, CONFIG.task_spec.frames_stacked)
+        observation = stack(
+            [self._before, frame], 1, CONFIG.task_spec.frames_stacked, difference=False
+        )
         self._before = frame
         return softmax_action(self._kernel.run(observation), self._scale, CONFIG.beta, 0.5)
 

@@ -21,17 +21,23 @@ _PART = 256
 _ROUNDING = 1e-9
 
 
-def observations(frames: Tensor, stacked: int) -> Tensor:
+def observations(frames: Tensor, stacked: int, *, difference: bool = False) -> Tensor:
     """Every s_t of an episode: uint8[T+1, c, 84, 84] to uint8[T+1, stacked * c, 84, 84], oldest frame first.
 
-    At an episode's start the first frame stands in for those before it.
+    At an episode's start the first frame stands in for those before it. With `difference`, all but the newest are
+    replaced by twice what the newest is brighter, around 128.
     """
     shifted = [
         torch.cat([frames[:1].expand(back, -1, -1, -1), frames[: len(frames) - back]])
         for back in reversed(range(min(stacked, len(frames))))
     ]
     missing = [frames[:1].expand_as(frames)] * (stacked - len(shifted))
-    return torch.cat([*missing, *shifted], dim=1)
+    seen = [*missing, *shifted]
+    if difference:
+        now = frames.to(torch.int32)
+        seen = [(128 + (now - then.int()) * 2).clamp(0, 255).to(torch.uint8) for then in seen[:-1]]
+        seen.append(frames)
+    return torch.cat(seen, dim=1)
 
 
 def as_kernels(rows: Tensor, layer: int) -> Tensor:

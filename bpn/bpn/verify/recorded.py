@@ -94,7 +94,8 @@ def checked(recording: Recording, findings: Findings) -> Played:
         PixelError: a frame shows no marker.
     """
     episode, stacked = recording.episode, recording.config.task_spec.frames_stacked
-    observed = observations(torch.from_numpy(episode.frames.copy()), stacked)
+    frames = torch.from_numpy(episode.frames.copy())
+    observed = observations(frames, stacked, difference=recording.config.difference)
     check_meta(recording, findings)
     check_outputs(recording, observed, findings)
     check_actions(recording, findings)

@@ -38,7 +38,9 @@ class EpisodeRecorder:
 
     def observation(self) -> npt.NDArray[np.uint8]:
         """s_t after the newest frame, uint8[C, 84, 84]."""
-        return stack(self._frames, len(self._frames) - 1, self._task.frames_stacked)
+        task = self._task
+        newest = len(self._frames) - 1
+        return stack(self._frames, newest, task.frames_stacked, difference=task.gym.difference)
 
     def add_outputs(self, outputs: Outputs, inference_ns: int, edge_ns: int) -> None:
         """Appends what the network said to the newest observation, and how long it and the edge took."""

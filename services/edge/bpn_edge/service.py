@@ -12,7 +12,7 @@ from bpn_edge.robot_link import RobotLink
 from bpn_shared.bnn.weights import Weights
 from bpn_shared.bus.weights import WeightsSubscriber
 from bpn_shared.messages.control import Assignment
-from bpn_shared.runtime.entry import run_slot_worker
+from bpn_shared.runtime.entry import run_slot_worker, slot_options, slot_parser
 from bpn_shared.runtime.faults import FaultReporter
 from bpn_shared.runtime.worker import EXIT_FINISHED, Worker
 from bpn_shared.spec.config import RunConfig
@@ -102,4 +102,5 @@ def serve(worker: Worker, config: RunConfig) -> int:
 
 def main(argv: list[str] | None = None) -> int:
     """The edge service."""
-    return run_slot_worker("edge", __doc__, serve, argv)
+    options = slot_options(slot_parser("edge", __doc__), argv)
+    return run_slot_worker("edge", options, serve)

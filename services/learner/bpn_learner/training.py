@@ -202,6 +202,7 @@ class Training:
         D = Transitions.from_episodes(
             [episode for dataset in self._data for episode in dataset],
             frames_stacked=self._config.task_spec.frames_stacked,
+            difference=self._config.difference,
         )
         for given_up in range(1, GIVE_UP_AFTER + 1):
             try:

@@ -9,7 +9,7 @@ import numpy.typing as npt
 import torch
 from torch import Tensor
 
-from bpn_shared.spec.observation import frame_indices
+from bpn_shared.spec.observation import changes, frame_indices
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,8 +64,14 @@ class Transitions:
         return len(self.actions)
 
     @classmethod
-    def from_episodes(cls, episodes: Sequence[EpisodeData], *, frames_stacked: int) -> Self:
+    def from_episodes(
+        cls, episodes: Sequence[EpisodeData], *, frames_stacked: int, difference: bool = False
+    ) -> Self:
         """D from episodes of at least 1 step, in their order.
+
+        Args:
+            difference: whether what changed since the earlier frames of an observation takes their place
+                (`bpn_shared.spec.observation`); it is then among D's frames, behind those of its episode.
 
         Raises:
             ValueError: there is no episode, or one's frames are not one more than its actions.
@@ -73,6 +79,7 @@ class Transitions:
         if not episodes:
             raise ValueError("D needs at least 1 episode, got 0")
         stacks: list[npt.NDArray[np.int64]] = []
+        pictures: list[npt.NDArray[np.uint8]] = []
         first = 0
         for episode in episodes:
             frames = len(episode.frames)
@@ -81,12 +88,19 @@ class Transitions:
                     f"an episode of {len(episode.actions)} actions and {len(episode.rewards)} rewards "
                     f"has {frames} frames, each action needs one reward, and one frame after the first"
                 )
-            indices = [frame_indices(step, frames_stacked) for step in range(frames)]
-            stacks.append(first + np.array(indices, np.int64))
-            first += frames
+            indices = np.array(
+                [frame_indices(step, frames_stacked) for step in range(frames)], np.int64
+            )
+            pictures.append(episode.frames)
+            if difference:
+                for place in range(frames_stacked - 1):
+                    pictures.append(changes(episode.frames[indices[:, place]], episode.frames))
+                    indices[:, place] = (place + 1) * frames + np.arange(frames)
+            stacks.append(first + indices)
+            first += frames * (frames_stacked if difference else 1)
         done = [np.arange(1, len(e.frames)) == len(e.actions) * e.terminated for e in episodes]
         return cls(
-            frames=torch.from_numpy(np.concatenate([e.frames for e in episodes])),
+            frames=torch.from_numpy(np.concatenate(pictures)),
             observations=torch.from_numpy(np.concatenate([s[:-1] for s in stacks])),
             next_observations=torch.from_numpy(np.concatenate([s[1:] for s in stacks])),
             actions=torch.from_numpy(

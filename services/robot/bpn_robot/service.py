@@ -12,6 +12,8 @@ from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 
+import numpy as np
+
 from bpn_robot.frame import is_flat
 from bpn_robot.robot import Robot, RobotFault
 from bpn_robot.robots import make_robot
@@ -27,6 +29,7 @@ from bpn_shared.messages.preview import PreviewHeader
 from bpn_shared.runtime.faults import FaultReporter
 from bpn_shared.runtime.worker import EXIT_FINISHED, Worker
 from bpn_shared.spec.config import RunConfig
+from bpn_shared.spec.observation import changes
 
 log = logging.getLogger(__name__)
 
@@ -259,7 +262,15 @@ class RobotService:
     def _send(self, header: FrameHeader, pixels: bytes) -> None:
         self._frames.put(pixels, header.encode())
         if self._previews.watched:
-            self._previews.offer((header, tuple(self._seen)))
+            self._previews.offer((header, self._observed()))
+
+    def _observed(self) -> tuple[bytes, ...]:
+        """The frames of the newest observation, as the network sees them."""
+        seen = tuple(self._seen)
+        if not self._task.gym.difference:
+            return seen
+        *earlier, newest = (np.frombuffer(pixels, np.uint8) for pixels in seen)
+        return *(changes(frame, newest).tobytes() for frame in earlier), seen[-1]
 
 
 def _preview(item: tuple[FrameHeader, tuple[bytes, ...]]) -> tuple[bytes, bytes]:

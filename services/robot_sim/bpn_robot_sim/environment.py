@@ -2,39 +2,26 @@
 
 import logging
 import math
-import os
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from contextlib import redirect_stdout
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
 import gymnasium
 import numpy as np
-from gymnasium.spaces import Dict, Discrete
+from gymnasium.spaces import Dict
 
 from bpn_robot.robot import RobotFault
-from bpn_robot_sim.pictures import (
-    ObservedPictures,
-    Picture,
-    PictureError,
-    as_frame,
-    rendered,
-    why_blind,
-)
+from bpn_robot_sim.action_choices import choices_of, one_list
+from bpn_robot_sim.gym_making import last_line, make
+from bpn_robot_sim.pictures import ObservedPictures, Picture, PictureError, cropped, rendered
 from bpn_shared.spec.config import ConfigError
-from bpn_shared.spec.network import MAX_ACTIONS
-from bpn_shared.spec.tasks import GYM_PREFIX
+from bpn_shared.spec.gym import OFF, GymOptions
 
 log = logging.getLogger(__name__)
 
 _SEEDS = 2**31  # some environments take no larger ones
-_MAX_REASON = 300
-
-# Without a display and speakers: pygame, which Gymnasium's own environments draw with, looks for both. `offscreen`
-# draws; `dummy` would not in environments that take it for "nobody looks".
-os.environ.setdefault("SDL_VIDEODRIVER", "offscreen")
-os.environ.setdefault("SDL_AUDIODRIVER", "dummy")
 
 _Result = TypeVar("_Result")
 
@@ -52,10 +39,13 @@ class Step:
 class GymEnvironment:
     """The environment, made. What it prints goes to standard error.
 
-    Its pictures are its observations where these are images, else what it renders as `rgb_array`.
+    Its pictures are its observations where these are images, else what it renders as `rgb_array`; or what the
+    options say.
 
     Args:
         task_name: gym: and its id.
+        options: how it is made and looked at.
+        allowed: modules that may be imported for it.
 
     Attributes:
         actions: |A|.
@@ -67,25 +57,32 @@ class GymEnvironment:
             here could have.
     """
 
-    def __init__(self, task_name: str) -> None:
-        self._name = task_name
+    def __init__(
+        self, task_name: str, options: GymOptions = OFF, allowed: Collection[str] = ()
+    ) -> None:
+        self._name, self._options, self._allowed = task_name, options, allowed
+        self.renders, self.note = options.frames_from == "renders", ""
         self._env = self._make()
-        self.renders, self.note = False, ""
         self._observed: ObservedPictures | None = None
         try:
-            self.actions = _actions_of(self._env.action_space, task_name)
+            self._choices = choices_of(self._env.action_space, task_name, options.action_bins)
+            self.actions = one_list(self._choices, task_name)
             self._choose_pictures()
         except BaseException:
             self.close()
             raise
 
     def _choose_pictures(self) -> None:
-        space = self._env.observation_space
-        try:
-            self._observed = ObservedPictures(space)
-            return
-        except PictureError as error:
-            why = str(error)
+        space, options = self._env.observation_space, self._options
+        why = "frames_from = 'renders'"
+        if not self.renders:
+            try:
+                self._observed = ObservedPictures(space, options.observation_key)
+                return
+            except PictureError as error:
+                why = str(error)
+            if options.frames_from == "observations" or options.observation_key:
+                raise ConfigError(f"{self._name}: {why}")
         metadata = getattr(self._env, "metadata", None)
         modes = metadata.get("render_modes") if isinstance(metadata, dict) else None
         if "rgb_array" not in (modes or ()):
@@ -93,18 +90,18 @@ class GymEnvironment:
                 f"{self._name}: {why}, and it does not render as rgb_array; there is nothing for the policy "
                 "to see"
             )
+        if self.renders:
+            return  # as it was made to
         self.close()
-        self._env = self._make(render_mode="rgb_array")
         self.renders = True
+        self._env = self._make()
         if isinstance(space, Dict) or len(space.shape or ()) > 1:  # there may be an image in it
             self.note = f"{self._name}: {why}; the policy sees what it renders"
 
-    def _make(self, **options: Any) -> gymnasium.Env[Any, Any]:
-        env_id = self._name.removeprefix(GYM_PREFIX)
-        try:
-            return self._quietly(lambda: gymnasium.make(env_id, **options))
-        except Exception as error:  # whatever its constructor raises
-            raise ConfigError(f"{self._name} cannot be made: {last_line(error)}") from error
+    def _make(self) -> gymnasium.Env[Any, Any]:
+        return self._quietly(
+            lambda: make(self._name, self._options, self._allowed, render=self.renders)
+        )
 
     @staticmethod
     def _quietly(call: Callable[[], _Result]) -> _Result:
@@ -134,8 +131,7 @@ class GymEnvironment:
         Raises:
             RobotFault: it raises, does not return what it should, or its reward is no finite number.
         """
-        space: Any = self._env.action_space
-        given = space.dtype.type(space.start + action)
+        given = self._choices.action([action])
         found = self._asked("step", lambda: self._env.step(given))
         if not isinstance(found, tuple) or len(found) != 5:
             raise RobotFault(
@@ -145,18 +141,20 @@ class GymEnvironment:
         return Step(_reward(reward), bool(terminated), bool(truncated), _success(info))
 
     def picture(self) -> Picture:
-        """What is to be seen now: uint8[height, width] or [height, width, channels].
+        """What is to be seen now, cropped: uint8[height, width] or [height, width, channels].
 
         Raises:
             RobotFault: rendering raises, or what comes is no picture.
         """
         try:
             if self._observed is not None:
-                return self._observed.picture(self._observation)
-            return rendered(self._asked("render", self._env.render))
+                picture = self._observed.picture(self._observation)
+            else:
+                picture = rendered(self._asked("render", self._env.render))
         except PictureError as error:
             what = "render returned" if self.renders else "it shows"
             raise RobotFault(f"{what} {error}") from error
+        return cropped(picture, self._options.crop_px)
 
     def close(self) -> None:
         """Ends it; what it raises then is of no consequence."""
@@ -164,47 +162,6 @@ class GymEnvironment:
             self._quietly(self._env.close)
         except Exception as error:
             log.warning("%s: close raised %s", self._name, last_line(error))
-
-
-def play_at_random(env: GymEnvironment, task_name: str, channels: int, steps: int = 20) -> None:
-    """Tries an environment out, with random actions over as many episodes as it takes, and looks at its pictures.
-
-    Raises:
-        ConfigError: it raises, does not return what it should, or shows nothing; the message is one sentence.
-    """
-    random = np.random.default_rng(0)
-    frames = []
-    try:
-        env.reset(0)
-        frames.append(as_frame(env.picture(), channels))
-        for step in range(1, steps + 1):
-            played = env.step(int(random.integers(env.actions)))
-            frames.append(as_frame(env.picture(), channels))
-            if played.terminated or played.truncated:
-                env.reset(step)
-                frames.append(as_frame(env.picture(), channels))
-    except RobotFault as error:
-        raise ConfigError(f"{task_name} cannot be a task: {error}") from error
-    blind = why_blind(frames)
-    if blind is not None:
-        raise ConfigError(
-            f"{task_name} shows nothing to learn from: {blind} (looked at {len(frames)} of them)"
-        )
-
-
-def last_line(error: BaseException) -> str:
-    """An exception as the last line of its traceback has it, shortened."""
-    lines = str(error).strip().splitlines()
-    text = f"{type(error).__name__}: {lines[-1]}" if lines else type(error).__name__
-    return text if len(text) <= _MAX_REASON else f"{text[:_MAX_REASON]}..."
-
-
-def _actions_of(space: Any, task_name: str) -> int:
-    if not isinstance(space, Discrete):
-        raise ConfigError(f"{task_name} has actions {space}: only discrete ones can be learned")
-    if not 2 <= space.n <= MAX_ACTIONS:
-        raise ConfigError(f"{task_name} has {space.n} actions, a policy has 2..{MAX_ACTIONS}")
-    return int(space.n)
 
 
 def _counted(found: Any) -> str:

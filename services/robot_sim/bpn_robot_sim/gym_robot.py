@@ -1,9 +1,13 @@
 """Any Gymnasium environment with discrete actions and something to see, as a robot."""
 
+from collections import deque
+from collections.abc import Collection
+
 from bpn_robot.frame import Frame
 from bpn_robot.robot import Info, check_action
-from bpn_robot_sim.environment import GymEnvironment, play_at_random
-from bpn_robot_sim.pictures import as_frame
+from bpn_robot_sim.environment import GymEnvironment
+from bpn_robot_sim.pictures import Picture, as_frame, brightest
+from bpn_robot_sim.trying_out import play_at_random
 from bpn_shared.spec.config import ConfigError
 from bpn_shared.spec.tasks import TaskSpec
 
@@ -11,13 +15,17 @@ from bpn_shared.spec.tasks import TaskSpec
 class GymRobot:
     """A `Robot` whose world is the environment: an action is `task.frame_skip` steps of it.
 
+    Args:
+        allowed: modules that may be imported for it.
+
     Raises:
         ConfigError: the environment cannot be the task (`probe_environment`), or has other actions than it.
     """
 
-    def __init__(self, task: TaskSpec) -> None:
+    def __init__(self, task: TaskSpec, allowed: Collection[str] = ()) -> None:
         self._task = task
-        self._env = GymEnvironment(task.name)
+        self._env = GymEnvironment(task.name, task.gym, allowed)
+        self._pictures: deque[Picture] = deque(maxlen=task.gym.max_over_frames)
         if self._env.actions != task.actions:
             self._env.close()
             raise ConfigError(
@@ -32,6 +40,7 @@ class GymRobot:
         self._begin()
 
     def _begin(self) -> None:
+        self._pictures.clear()
         self._reward = 0.0
         self._success: bool | None = None
         self._terminated, self._truncated = False, False
@@ -64,12 +73,16 @@ class GymRobot:
     def settle(self) -> None:
         """The environment's steps with the action that was commanded; their rewards add up."""
         self._reward = 0.0
-        for _ in range(self._task.frame_skip):
+        self._pictures.clear()
+        for left in reversed(range(self._task.frame_skip)):
             step = self._env.step(self._command)
             self._reward += step.reward
             self._terminated, self._truncated = step.terminated, step.truncated
             self._success = step.success
-            if step.terminated or step.truncated:
+            ended = step.terminated or step.truncated
+            if ended or left < self._task.gym.max_over_frames:
+                self._pictures.append(self._env.picture().copy())
+            if ended:
                 return
 
     def advance(self, seconds: float) -> None:
@@ -81,7 +94,9 @@ class GymRobot:
         raise NotImplementedError(f"{self._task.name} cannot advance by {seconds} s")
 
     def frame(self) -> Frame:
-        return as_frame(self._env.picture(), self._task.frame_channels)
+        if not self._pictures:
+            self._pictures.append(self._env.picture())
+        return as_frame(brightest(self._pictures), self._task.frame_channels)
 
     def reward(self) -> float:
         return self._reward

@@ -6,6 +6,7 @@ from typing import Any
 from bpn_robot import robots
 from bpn_robot.frame import is_flat
 from bpn_robot.robot import Robot
+from bpn_shared.runtime.gym_modules import allowed_modules
 from bpn_shared.spec.config import ConfigError
 from bpn_shared.spec.installed import task_spec
 from bpn_shared.spec.tasks import TaskOptions, TaskSpec
@@ -42,23 +43,23 @@ def pan_tilt(task: TaskSpec) -> Robot:
 
 
 def gym(task: TaskSpec) -> Robot:
-    """A Gymnasium environment.
+    """A Gymnasium environment, for which modules are imported that this process's environment variable allows.
 
     Raises:
-        ConfigError: it cannot be the task, or what it needs is not installed.
+        ConfigError: it cannot be the task, or what it needs is not installed or not allowed.
     """
-    robot: Robot = of_gym("GymRobot")(task)
+    robot: Robot = of_gym("gym_robot:GymRobot")(task, allowed_modules())
     return robot
 
 
 def of_gym(name: str) -> Any:
-    """An object that `gym_robot` has, which needs an extra.
+    """An object, such as gym_robot:GymRobot, of a module that needs an extra.
 
     Raises:
         ConfigError: the extra is not installed.
     """
     try:
-        return resolve_name(f"bpn_robot_sim.gym_robot:{name}")
+        return resolve_name(f"bpn_robot_sim.{name}")
     except ModuleNotFoundError as error:
         raise ConfigError(
             f"gym: tasks need {error.name}, which is not installed: pip install 'bpn-robot-sim[gym]'"
@@ -67,7 +68,6 @@ def of_gym(name: str) -> Any:
 
 def _of_scene(name: str, task: TaskSpec) -> Robot:
     from bpn_robot_sim.rendering import RenderingError  # noqa: PLC0415 - which loads MuJoCo
-
 
     # by name: whoever looks for a task's robot loads no other's
     robot: Robot = resolve_name(name)(task)

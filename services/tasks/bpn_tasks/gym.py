@@ -4,11 +4,10 @@ import re
 from typing import Any
 
 from bpn_shared.errors import InputError
+from bpn_shared.spec.gym import GYM_NAME, GYM_PREFIX
 from bpn_shared.spec.network import MAX_CHANNELS
-from bpn_shared.spec.tasks import GYM_PREFIX, TaskFamily, TaskOptions, TaskSpec
+from bpn_shared.spec.tasks import TaskFamily, TaskOptions, TaskSpec
 from bpn_tasks.specs import CONTROL_PERIOD_S
-
-_NAME = r"gym:([A-Za-z0-9_.-]+/)?[A-Za-z0-9_.-]+"
 
 _PRESET: dict[str, Any] = {
     # Gray frames in pairs, which show motion.
@@ -54,8 +53,8 @@ def spec(name: str, options: TaskOptions) -> TaskSpec:
     Raises:
         InputError: the name is none of an environment, or an option is impossible or still missing (0).
     """
-    if not re.fullmatch(_NAME, name):
-        raise InputError(f"task = {name!r}: must be {GYM_PREFIX}ENVIRONMENT-ID")
+    if not re.fullmatch(GYM_NAME, name):
+        raise InputError(f"task = {name!r}: must be {GYM_PREFIX}[MODULE:]ENVIRONMENT-ID")
     channels = options.frame_channels or 1
     stacked = options.frames_stacked or 2
     if options.actions < 2:
@@ -69,13 +68,20 @@ def spec(name: str, options: TaskOptions) -> TaskSpec:
             f"frames_stacked = {stacked} of {channels} channels: an observation has at most "
             f"{MAX_CHANNELS} channels"
         )
+    gym = options.alone()
+    skip = options.frame_skip or 1
+    try:
+        gym.check(frames_stacked=stacked, frame_skip=skip)
+    except ValueError as error:
+        raise InputError(str(error)) from error
     return TaskSpec(
         name=name,
         title=name.removeprefix(GYM_PREFIX)[:100],
         robot="gym",
         frame_channels=channels,
         frames_stacked=stacked,
-        frame_skip=options.frame_skip or 1,
+        frame_skip=skip,
+        gym=gym,
         action_names=tuple(f"action {number}" for number in range(options.actions)),
         control_period_s=CONTROL_PERIOD_S,  # without a meaning, as the hold action: it has no realtime pacing
         realtime=False,
@@ -85,7 +91,7 @@ def spec(name: str, options: TaskOptions) -> TaskSpec:
 
 
 GYM = TaskFamily(
-    which="ENVIRONMENT-ID",
+    which="[MODULE:]ENVIRONMENT-ID",
     title="Gymnasium environment",
     make=spec,
     preset=preset,

@@ -1,17 +1,21 @@
 """dashboard -> robot: can this environment be a task, and what has a configuration to know of it?"""
 
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field
 
 from bpn_shared.messages.base import Message
+from bpn_shared.spec.gym import GymOptions
 
 MAX_NAME = 256
 MAX_SENTENCE = 500
 
 
-class ProbeRequest(Message):
+class ProbeRequest(Message, GymOptions):
     """Make this environment, look at it, and close it again."""
+
+    SCHEMA: ClassVar[int] = 2
+    OLDER_SCHEMAS: ClassVar[frozenset[int]] = frozenset({1})
 
     task: Annotated[str, Field(min_length=1, max_length=MAX_NAME)]
     frame_channels: Literal[1, 3] = 1

@@ -44,6 +44,8 @@ def decode_config(data: bytes, *, source: str) -> RunConfig:
         raise ConfigError(f"{source}: it has no values; {_REMEDY}")
     for older in range(schema, SCHEMA):
         values = _migrated(older, values, source)
+    if schema < SCHEMA:
+        values = _BEFORE_GYM_OPTIONS | values
     unknown = values.keys() - RunConfig.model_fields.keys()
     if unknown and schema > 1:
         raise OtherConfigVersionError(
@@ -109,6 +111,18 @@ def _whose(document: dict[str, Any]) -> str:
     return f"written by bpn {version}; this is bpn {VERSION}: use the version that wrote it"
 
 
+_BEFORE_GYM_OPTIONS: dict[str, Any] = {
+    # Files from before there were these options.
+    "env_kwargs": "",
+    "env_wrappers": "",
+    "frames_from": "auto",
+    "observation_key": "",
+    "crop": "",
+    "max_over_frames": 1,
+    "difference": False,
+    "action_bins": 0,
+}
+
 _BEFORE_SCHEMA_2: dict[str, Any] = {
     # The defaults of schema 1, and for what its first programs did not have yet, what they did.
     "algorithm": "bpn",
@@ -168,7 +182,7 @@ def _from_2(values: dict[str, Any]) -> dict[str, Any]:
 
 def _task_options(values: dict[str, Any]) -> TaskOptions:
     """Of an impossible one, what the task has: it is refused for itself."""
-    found: dict[str, int] = {}
+    found: dict[str, Any] = {}
     for name in TaskOptions.model_fields:
         if name in values:
             try:

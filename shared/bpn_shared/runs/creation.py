@@ -40,8 +40,8 @@ class Workplace(Protocol):
 def configure(values: Mapping[str, Any], place: Workplace) -> RunConfig:
     """The configuration that a new run gets.
 
-    The actions of a Gymnasium environment are found out here, once, so that no other service needs it; where
-    they are given, no environment is opened.
+    The actions of a Gymnasium environment, and where its frames come from, are found out here, once, so that no
+    other service needs it; where the actions are given, no environment is opened.
 
     Args:
         values: the task, and what is changed from its preset; texts are read as numbers where numbers belong.
@@ -52,7 +52,7 @@ def configure(values: Mapping[str, Any], place: Workplace) -> RunConfig:
     """
     config = _checked(values)
     if _lacks_actions(values):
-        config = _checked({**values, "actions": _actions_of(config, place)})
+        config = _checked({**values, **_found_out(config, place)})
     place.check(config)
     return config
 
@@ -68,16 +68,20 @@ def request_values(values: Mapping[str, Any]) -> dict[str, Any]:
     return {name: getattr(config, name) for name in values if name not in left_open}
 
 
-def _actions_of(config: RunConfig, place: Workplace) -> int:
+def _found_out(config: RunConfig, place: Workplace) -> dict[str, Any]:
+    """|A| of a Gymnasium environment, and where its frames come from."""
     channels: Literal[1, 3] = 3 if config.frame_channels == 3 else 1
-    found = place.probe(ProbeRequest(task=config.task, frame_channels=channels))
-    actions = found.actions if found is not None else preset_of(config.task).get("actions")
+    options = dict(config.alone())
+    found = place.probe(ProbeRequest(task=config.task, frame_channels=channels, **options))
+    if found is not None:
+        return {"actions": found.actions, "frames_from": found.seen}
+    actions = preset_of(config.task).get("actions")
     if actions is None:
         raise ConfigError(
             f"task = {config.task!r}: no robot worker is connected that could open the environment and count its "
             "actions; start one (`bpn up`, or bpn-robot-sim on any machine), or give actions"
         )
-    return int(actions)
+    return {"actions": int(actions)}
 
 
 def _checked(values: Mapping[str, Any]) -> RunConfig:

@@ -133,19 +133,30 @@ def _serve_run(process: WorkerProcess, run: UUID, slot: int, serve: Serve) -> in
         return serve(process.at(run, slot, process.bus, process.stop))
 
 
-def run_slot_worker(
-    kind: Role,
-    description: str | None,
-    serve: Callable[[Worker, RunConfig], int],
-    argv: list[str] | None = None,
-    answers: Answers = MappingProxyType({}),
-) -> int:
-    """Runs a worker of one slot, which gets its configuration from the run's learner."""
+def slot_parser(kind: Role, description: str | None) -> argparse.ArgumentParser:
+    """The options that every worker of one slot has."""
     parser = argument_parser(kind, description)
     parser.add_argument("--slot", type=natural, help="which robot of the run, from 0; with --run")
+    return parser
+
+
+def slot_options(
+    parser: argparse.ArgumentParser, argv: list[str] | None = None
+) -> argparse.Namespace:
+    """What was given; exits where half a place was."""
     options = parser.parse_args(argv)
     if (options.run is None) != (options.slot is None):
         parser.error("--run and --slot belong together; without both the registry gives leases")
+    return options
+
+
+def run_slot_worker(
+    kind: Role,
+    options: argparse.Namespace,
+    serve: Callable[[Worker, RunConfig], int],
+    answers: Answers = MappingProxyType({}),
+) -> int:
+    """Runs a worker of one slot, which gets its configuration from the run's learner."""
 
     def serve_configured(worker: Worker) -> int:
         config = fetch_config(worker)

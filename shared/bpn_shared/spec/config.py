@@ -6,9 +6,10 @@ from pydantic import Field, ValidationError, model_validator
 
 from bpn_shared.errors import InputError
 from bpn_shared.spec.algorithms import ALGORITHMS, KERNELS, Algorithm, AlgorithmName, implied
+from bpn_shared.spec.gym import GymOptions
 from bpn_shared.spec.installed import preset_of, task_spec
 from bpn_shared.spec.network import MAX_NODES, NetworkSpec
-from bpn_shared.spec.tasks import MAX_NAME, NAME_PATTERN, TaskOptions, TaskSpec
+from bpn_shared.spec.tasks import MAX_NAME, NAME_PATTERN, TaskOptions, TaskSpec, is_gym
 
 Pacing = Literal["lockstep", "realtime"]
 Kernel = Literal["native", "golden", "onnx"]
@@ -20,6 +21,10 @@ Engine = Literal["fast", "plain"]
 MAX_STEPS = 1000
 MAX_LEARNERS = 64
 MAX_ACTION_DELAY_MS = 2000.0
+
+
+_AS_THE_TASK = ("frame_channels", "frames_stacked", "frame_skip", "actions")
+"""Options whose 0 is whatever the task has."""
 
 
 class ConfigError(InputError):
@@ -130,16 +135,15 @@ class RunConfig(TaskOptions):
         if not isinstance(values, dict):
             return values
         given = {
-            name: v
-            for name, v in values.items()
-            if not (name in TaskOptions.model_fields and v in (0, "0"))
+            name: v for name, v in values.items() if not (name in _AS_THE_TASK and v in (0, "0"))
         }
         of_task = values.get("task_spec")
         if isinstance(of_task, TaskSpec):
             given = of_task.options() | given
         elif isinstance(of_task, dict):
-            names = (name for name in TaskOptions.model_fields if name in of_task)
-            given = {name: of_task[name] for name in names} | given
+            of_gym = of_task.get("gym")
+            told = of_task | (of_gym if isinstance(of_gym, dict) else {})
+            given = {name: told[name] for name in TaskOptions.model_fields if name in told} | given
         return implied(str(given.get("algorithm"))) | given
 
     @model_validator(mode="after")
@@ -152,10 +156,14 @@ class RunConfig(TaskOptions):
                 f"pacing = 'realtime': {self.task!r} has no clock of its own; choose lockstep"
             )
         for name, value in spec.options().items():
-            if getattr(self, name) != value:
+            given = getattr(self, name)
+            if given == value:
+                continue
+            if name in GymOptions.model_fields and not is_gym(self.task):
                 raise ValueError(
-                    f"{name} = {getattr(self, name)}: task {self.task!r} has {value}; leave it out"
+                    f"{name} = {given!r}: task {self.task!r} is no Gymnasium environment; leave it out"
                 )
+            raise ValueError(f"{name} = {given}: task {self.task!r} has {value}; leave it out")
         return self
 
     @model_validator(mode="after")

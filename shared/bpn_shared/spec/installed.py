@@ -8,7 +8,8 @@ from typing import Any
 from bpn_shared import plugins
 from bpn_shared.errors import InputError
 from bpn_shared.plugins import Plugin, UnknownPluginError
-from bpn_shared.spec.tasks import GYM_PREFIX, TaskFamily, TaskOptions, TaskSpec
+from bpn_shared.spec.gym import GYM_PREFIX
+from bpn_shared.spec.tasks import TaskFamily, TaskOptions, TaskSpec
 
 log = logging.getLogger(__name__)
 
@@ -35,7 +36,7 @@ class OfferedTasks:
 def task_names() -> str:
     """For help and errors: the names that tasks may have here; imports nothing."""
     names = (
-        f"{GYM_PREFIX}ENVIRONMENT-ID" if f"{name}:" == GYM_PREFIX else name
+        f"{GYM_PREFIX}[MODULE:]ENVIRONMENT-ID" if f"{name}:" == GYM_PREFIX else name
         for name in plugins.names(plugins.TASKS)
     )
     return ", ".join(names) or "none is installed"

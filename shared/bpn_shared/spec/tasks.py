@@ -10,6 +10,7 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
+from bpn_shared.spec.gym import GYM_PREFIX, OFF, GymOptions
 from bpn_shared.spec.network import IMAGE_SIZE_PX, MAX_ACTIONS, MAX_CHANNELS, NetworkSpec
 
 RETURN_PX, RETURN = "return_px", "return"
@@ -18,9 +19,6 @@ RETURN_PX, RETURN = "return_px", "return"
 MAX_NAME = 256
 NAME_PATTERN = r"^[A-Za-z0-9_][A-Za-z0-9_.-]*(:[!-~]*)?$"
 """Of tasks: a plug-in's name, and of a family's tasks which of them."""
-
-GYM_PREFIX = "gym:"
-"""Begins the names of tasks that are any Gymnasium environment, such as gym:CartPole-v1."""
 
 
 def is_gym(name: str) -> bool:
@@ -32,10 +30,8 @@ _PluginName = Annotated[str, Field(pattern=r"^[A-Za-z0-9_][A-Za-z0-9_.-]*$", max
 _ActionName = Annotated[str, Field(min_length=1, max_length=100)]
 
 
-class TaskOptions(BaseModel):
+class TaskOptions(GymOptions):
     """What a configuration may choose of a task of a family; 0: as the task has it."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     frame_channels: Annotated[
         int, Field(ge=0, le=3, description="gym tasks: 1 gray, 3 RGB; 0: as the task has it")
@@ -73,6 +69,7 @@ class TaskSpec(BaseModel):
         hold_action: the action that leaves the robot where it is; what a robot did when no action
             came in time (realtime pacing).
         control_period_s: time between two frames in realtime pacing.
+        gym: how the environment of a gym: task is made and looked at.
         realtime: whether the robot has a clock of its own, so that realtime pacing is possible.
         success: when an episode has done what the task is about: its last step's reward is at least
             `success_reward`; it was not terminated; the robot tells; or nobody says.
@@ -93,6 +90,7 @@ class TaskSpec(BaseModel):
     action_names: Annotated[tuple[_ActionName, ...], Field(min_length=2, max_length=MAX_ACTIONS)]
     hold_action: Annotated[int, Field(ge=0)] = 0
     control_period_s: Annotated[float, Field(gt=0, le=60)]
+    gym: GymOptions = OFF
     realtime: bool = True
     success: Literal["last_reward", "not_terminated", "told", "undefined"] = "undefined"
     success_reward: float | None = None
@@ -151,9 +149,12 @@ class TaskSpec(BaseModel):
         """The geometry of this task's policy with N = nodes."""
         return NetworkSpec(self.frame_channels * self.frames_stacked, nodes, self.actions)
 
-    def options(self) -> dict[str, int]:
+    def options(self) -> dict[str, Any]:
         """What `TaskOptions` say of this task."""
-        return {name: getattr(self, name) for name in TaskOptions.model_fields}
+        of_gym = dict(self.gym)
+        return of_gym | {
+            name: getattr(self, name) for name in TaskOptions.model_fields if name not in of_gym
+        }
 
 
 @dataclass(frozen=True, slots=True)

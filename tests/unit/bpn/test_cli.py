@@ -84,7 +84,10 @@ def test_it_tells_its_version(capsys: pytest.CaptureFixture[str]) -> None:
     [
         (["bench", "kernel", "--quick"], "--quick are of `bpn bench dashboard`, not kernel"),
         (["bench", "dashboard", "--parts", "series,moon"], "--parts moon: there are series, lists"),
-        (["train"], "TASK is missing; one of: gym:ENVIRONMENT-ID, pan_tilt, reaching, tracking"),
+        (
+            ["train"],
+            "TASK is missing; one of: gym:[MODULE:]ENVIRONMENT-ID, pan_tilt, reaching, tracking",
+        ),
         (["train", "reaching", "--runs-dir", "/proc/x"], "--runs-dir /proc/x: No such file"),
         (["train", "reaching", "--runs-dir", "FILE"], "FILE: File exists; choose a folder"),
         (["train", "reaching", "--runs-dir", "FILE/x"], "FILE/x: Not a directory; choose a folder"),
@@ -232,6 +235,6 @@ def test_commands_to_copy_are_whole_and_quoted(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     runs_dir = "r ü n"
-    assert main(["runs", "ls", "--runs-dir", runs_dir]) == 2
+    assert main(["runs", "start", "reaching", "--runs-dir", runs_dir]) == 2
     hint = capsys.readouterr().err.split("`")[1]
     assert shlex.split(hint) == ["bpn", "up", "--runs-dir", runs_dir]

@@ -38,13 +38,14 @@ def test_help_of_a_task_tells_what_its_runs_get(task: str) -> None:
         if name == "actions" and task == ANY_GYM:
             assert shown[name] == "found out"
         else:
-            assert shown[name] == f"{getattr(config_of(task), name)} for {task}"
+            value = getattr(config_of(task), name)
+            assert shown[name] == f"{'none' if value == '' else value} for {task}"
 
 
 def test_help_without_a_task_tells_only_what_holds_for_all() -> None:
     shown = told([])
     for name in set(OPTIONS) - {"task"}:
-        values = {str(getattr(config_of(task), name)) for task in NAMED}
+        values = {str(getattr(config_of(task), name)) or "none" for task in NAMED}
         if name == "actions":
             values.add("found out")
         assert shown[name] == (values.pop() if len(values) == 1 else "by task")

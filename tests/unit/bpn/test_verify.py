@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import torch
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from paper import rewards
 
@@ -13,6 +13,7 @@ from bpn.verify.trainee import smallest_on
 from bpn.verify.training import minibatches
 from bpn_edge.policy import epsilon_greedy_action, softmax_action
 from bpn_learner.fold import smallest_positive
+from bpn_learner.transitions import EpisodeData, Transitions
 from bpn_learner.update import minibatches_per_epoch
 from bpn_shared.spec import seeds
 from bpn_shared.spec.observation import stack
@@ -73,13 +74,33 @@ def test_random_numbers_are_those_of_the_services(run: int, iteration: int, epis
     assert np.array_equal(draws.shuffles(run, iteration).permutation(30), order)
 
 
-@given(st.integers(1, 6), st.integers(1, 3), st.integers(1, 5))
-def test_observations_are_stacked_as_the_robots_side_does(steps, channels, stacked) -> None:
-    frames = np.arange((steps + 1) * channels, dtype=np.uint8).repeat(84 * 84)
-    frames = frames.reshape(steps + 1, channels, 84, 84)
-    found = observations(torch.from_numpy(frames), stacked).numpy()
-    for t in range(steps + 1):
-        assert np.array_equal(found[t], stack(list(frames), t, stacked))
+@given(
+    st.integers(1, 6),
+    st.integers(1, 3),
+    st.integers(1, 5),
+    st.booleans(),
+    st.integers(0, 2**32 - 1),
+)
+@settings(deadline=None)
+def test_robots_side_learner_and_verification_make_the_same_observations(
+    steps, channels, stacked, difference, seed
+) -> None:
+    frames = np.random.default_rng(seed).integers(0, 256, (steps + 1, channels, 84, 84), np.uint8)
+    found = observations(torch.from_numpy(frames), stacked, difference=difference).numpy()
+    seen = [stack(list(frames), t, stacked, difference=difference) for t in range(steps + 1)]
+    assert np.array_equal(found, seen)
+    none = np.zeros(steps, np.float32)
+    episode = EpisodeData(frames, none.astype(np.uint8), none, terminated=False)
+    D = Transitions.from_episodes([episode] * 2, frames_stacked=stacked, difference=difference)
+    assert np.array_equal(D.gather(D.observations).numpy(), seen[:-1] * 2)
+    assert np.array_equal(D.gather(D.next_observations).numpy(), seen[1:] * 2)
+
+
+@given(st.integers(0, 255), st.integers(0, 255))
+def test_a_difference_is_twice_the_change_around_the_middle(earlier: int, newest: int) -> None:
+    frames = [np.full((1, 84, 84), level, np.uint8) for level in (earlier, newest)]
+    then, now = stack(frames, 1, 2, difference=True)[:, 0, 0].tolist()
+    assert (then, now) == (min(max(128 + 2 * (newest - earlier), 0), 255), newest)
 
 
 @given(

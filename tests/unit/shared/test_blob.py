@@ -5,6 +5,7 @@ from uuid import UUID
 
 import numpy as np
 import pytest
+from geometries import geometries
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -12,12 +13,7 @@ from bpn_shared.bnn.blob import WeightBlob, encoded_size
 from bpn_shared.bnn.envelope import BlobError
 from bpn_shared.spec.network import NetworkSpec
 
-specs = st.builds(
-    NetworkSpec,
-    channels=st.sampled_from([1, 3, 6]),
-    nodes=st.integers(1, 256),
-    actions=st.integers(2, 64),
-)
+specs = geometries((1, 3, 6), 256, 64)
 blobs = st.builds(
     lambda spec, seed, run, attempt, version: replace(
         WeightBlob.random(spec, np.random.default_rng(seed)),

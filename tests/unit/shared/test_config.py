@@ -86,12 +86,16 @@ def test_every_task_has_a_preset_and_observations_of_its_network(task: TaskSpec)
             {"task": "gym:A-v1", "actions": 2, "pacing": "realtime"},
             "pacing = 'realtime': 'gym:A-v1' has no clock of its own; choose lockstep",
         ),
-        ({"task": "gym:"}, "task = 'gym:': must be gym:ENVIRONMENT-ID"),
-        ({"task": "gym"}, "task = 'gym': unknown; gym:ENVIRONMENT-ID is what gym has"),
+        ({"task": "gym:"}, "task = 'gym:': must be gym:[MODULE:]ENVIRONMENT-ID"),
+        ({"task": "gym"}, "task = 'gym': unknown; gym:[MODULE:]ENVIRONMENT-ID is what gym has"),
         ({"task": "reaching:far"}, "task = 'reaching:far': unknown; reaching is what reaching has"),
         ({"task_spec": {}}, "task_spec: follows from the task; one of: task, algorithm"),
-        ({"task": "gym:a b", "actions": 2}, "gym:ENVIRONMENT-ID"),
+        ({"task": "gym:a b", "actions": 2}, "gym:[MODULE:]ENVIRONMENT-ID"),
+        ({"task": "gym:a-b:C-v0", "actions": 2}, "gym:[MODULE:]ENVIRONMENT-ID"),
+        ({"task": "gym:a..b:C-v0", "actions": 2}, "gym:[MODULE:]ENVIRONMENT-ID"),
         ({"alhpa": 0.5}, "alhpa = 0.5: unknown; one of: task, algorithm"),
+        ({"crop": "0,0,9,9"}, "crop = '0,0,9,9': task 'reaching' is no Gymnasium environment"),
+        ({"difference": True}, "difference = True: task 'reaching' is no Gymnasium environment"),
     ],
 )
 def test_a_wrong_value_names_itself_and_its_range(changes: dict[str, Any], message: str) -> None:
@@ -174,6 +178,8 @@ def test_the_rate_falls_linearly_over_the_run(iterations: int, last: float) -> N
 
 
 DEFAULTS: dict[str, Any] = {
+    "env_kwargs": "", "env_wrappers": "", "frames_from": "auto", "observation_key": "", "crop": "",
+    "max_over_frames": 1, "difference": False, "action_bins": 0,
     "task": "reaching", "algorithm": "bpn", "seed": 0, "frame_channels": 1, "frames_stacked": 1,
     "frame_skip": 1, "actions": 14, "iterations": 50, "episodes": 10, "steps": 20, "epochs": 50,
     "batch": 32, "datasets": 3, "alpha": 0.95, "beta": 1.0, "gamma": 0.99, "mask_terminals": False,

@@ -17,6 +17,7 @@ from bpn_dashboard.registry.states import observed
 from bpn_shared.runs.folder import RunFolder, is_run_id
 from bpn_shared.runs.trash import Removed, Trash
 from bpn_shared.spec.config import ConfigError
+from bpn_shared.spec.gym import OFF
 from bpn_shared.spec.tasks import RETURN
 
 _FILES = ("config.json", "state.json", "about.json")
@@ -94,6 +95,15 @@ def name_in_trash(trash: Trash, run_id: str) -> str:
     return name_of(about, folder.raw_config())
 
 
+def config_hash(values: Mapping[str, Any]) -> str:
+    """SHA-256 of a configuration's values as canonical JSON; without the options of `gym:` tasks that are off, so that
+    runs from before there were these are told to be alike.
+    """
+    off = OFF.model_dump()
+    told = {key: value for key, value in values.items() if key not in off or value != off[key]}
+    return hashlib.sha256(json.dumps(told, sort_keys=True).encode()).hexdigest()
+
+
 def row_of(folder: RunFolder, about: About | None = None) -> RunRow:
     """The row of a run.
 
@@ -122,7 +132,7 @@ def row_of(folder: RunFolder, about: About | None = None) -> RunRow:
         algorithm=values["algorithm"],
         seed=values["seed"],
         config=values,
-        config_hash=hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest(),
+        config_hash=config_hash(values),
         state=observed(
             recorded.state, about.desired_state, owned=False, elsewhere=folder.is_owned()
         ),

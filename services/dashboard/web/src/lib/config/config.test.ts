@@ -16,6 +16,9 @@ const SCHEMA: ConfigSchema = {
       alpha: { type: 'number', minimum: 0, maximum: 1, default: 0.95 },
       beta: { type: 'number', exclusiveMinimum: 0, maximum: 10_000, default: 1 },
       mask_terminals: { type: 'boolean', default: false },
+      env_kwargs: { type: 'string', default: '' },
+      crop: { type: 'string', default: '' },
+      difference: { type: 'boolean', default: false },
       invented_later: { type: 'integer', default: 1 },
     },
   },
@@ -29,7 +32,9 @@ const SCHEMA: ConfigSchema = {
 const field = (key: string) => fieldOf(SCHEMA.schema.properties, key);
 
 test('every key of the schema has its field, also one that nobody placed', () => {
-  const keys = sectionsOf(SCHEMA).flatMap((section) => section.fields.map((one) => one.key));
+  const keys = sectionsOf(SCHEMA, 'gym:A-v0').flatMap((section) =>
+    section.fields.map((one) => one.key),
+  );
   expect([...keys].sort()).toEqual(
     Object.keys(SCHEMA.schema.properties)
       .filter((key) => key !== 'task' && key !== 'algorithm')
@@ -73,7 +78,10 @@ test('a Gymnasium environment has the preset of its kind, and needs an id', () =
     config: { task: 'gym:space/Some-v0', nodes: 60 },
     wrong: {},
   });
-  for (const task of ['gym:', 'gym:a b', 'gym:a/b/c']) {
+  for (const task of ['gym:minigrid:Empty-5x5-v0', 'gym:some.pack:space/Some-v0']) {
+    expect(read(SCHEMA, { ...draft, task }).wrong).toEqual({});
+  }
+  for (const task of ['gym:', 'gym:a b', 'gym:a/b/c', 'gym:a-b:C-v0', 'gym:a..b:C', 'gym::C']) {
     expect(read(SCHEMA, { ...draft, task }).wrong.task).toContain('the id of an environment');
   }
 });
@@ -117,6 +125,32 @@ test('a sweep is its grid times its seeds, and says where it is wrong', () => {
   draft.axes = [{ key: 'nodes', text: '1-900' }];
   draft.seeds = '0-1';
   expect(read(SCHEMA, draft).wrong.seeds).toContain('1800 runs');
+});
+
+test('what only environments have is asked of them alone, and may be emptied again', () => {
+  const draft = draftOf(SCHEMA, { task: 'gym:A-v0', crop: '0,34,160,160', difference: true });
+  expect(read(SCHEMA, draft).config).toEqual({
+    task: 'gym:A-v0',
+    crop: '0,34,160,160',
+    difference: true,
+  });
+  expect(read(SCHEMA, { ...draft, task: 'reaching' }).config).toEqual({ task: 'reaching' });
+  draft.texts.crop = ' ';
+  expect(read(SCHEMA, draft)).toMatchObject({ wrong: {} });
+  expect(read(SCHEMA, draft).config).not.toHaveProperty('crop');
+  const [first] = sectionsOf(SCHEMA, 'gym:A-v0');
+  expect(first?.fields.map((one) => one.key)).toEqual(['env_kwargs', 'crop', 'difference']);
+  const others = sectionsOf(SCHEMA, 'reaching').flatMap((section) => section.fields);
+  expect(others.map((one) => one.key)).not.toContain('crop');
+});
+
+test('texts are separated by semicolons, since they have commas in them', () => {
+  expect(parseValues(field('crop'), '0,0,9,9; 0,34,160,160 ')).toEqual({
+    values: ['0,0,9,9', '0,34,160,160'],
+  });
+  expect(parseValues(field('env_kwargs'), '{"a": 1, "b": 2}')).toEqual({
+    values: ['{"a": 1, "b": 2}'],
+  });
 });
 
 test('lists of values', () => {

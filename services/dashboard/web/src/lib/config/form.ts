@@ -18,8 +18,25 @@ export interface Section {
   fields: Field[];
 }
 
+/* Of other tasks these are fixed. */
+const OF_GYM = [
+  'env_kwargs',
+  'env_wrappers',
+  'frames_from',
+  'observation_key',
+  'crop',
+  'frame_channels',
+  'frames_stacked',
+  'difference',
+  'frame_skip',
+  'max_over_frames',
+  'actions',
+  'action_bins',
+];
+
 /* What belongs together; keys that are not named here come last, so that a new one is never missing. */
 const SECTIONS: { title: string; open: boolean; keys: string[] }[] = [
+  { title: 'Environment', open: false, keys: OF_GYM },
   { title: 'Run', open: true, keys: ['seed', 'iterations', 'nodes', 'alpha', 'beta', 'robots'] },
   {
     title: 'Data of an iteration',
@@ -44,17 +61,19 @@ const SECTIONS: { title: string; open: boolean; keys: string[] }[] = [
 ];
 const ELSEWHERE = new Set(['task', 'algorithm']);
 
-export function sectionsOf({ schema }: ConfigSchema): Section[] {
-  const rest = new Set(Object.keys(schema.properties).filter((key) => !ELSEWHERE.has(key)));
+/** The form for a task: every value that means something for it. */
+export function sectionsOf({ schema }: ConfigSchema, task: string): Section[] {
+  const rest = new Set(
+    Object.keys(schema.properties).filter((key) => !ELSEWHERE.has(key) && concerns(key, task)),
+  );
   const sections = SECTIONS.map(({ title, open, keys }) => ({
     title,
     open,
     fields: keys.filter((key) => rest.delete(key)).map((key) => fieldOf(schema.properties, key)),
   }));
   const others = [...rest].map((key) => fieldOf(schema.properties, key));
-  return [...sections, { title: 'Where and how it runs', open: false, fields: others }].filter(
-    ({ fields }) => fields.length > 0,
-  );
+  const last = { title: 'Where and how it runs', open: false, fields: others };
+  return [...sections, last].filter(({ fields }) => fields.length > 0);
 }
 
 export function fieldOf(properties: Record<string, JsonSchemaProperty>, key: string): Field {
@@ -76,6 +95,19 @@ export function fieldOf(properties: Record<string, JsonSchemaProperty>, key: str
 
 /** Begins the names of tasks that are Gymnasium environments; also the preset of those without their own. */
 export const GYM = 'gym:';
+
+/** The environment's id, with the module in front of another package's. */
+const GYM_TASK = /^gym:([A-Za-z_]\w*(\.[A-Za-z_]\w*)*:)?([\w.-]+\/)?[\w.-]+$/;
+
+/** Whether the task may be named so. */
+export function isTask(name: string): boolean {
+  return !name.startsWith(GYM) || GYM_TASK.test(name);
+}
+
+/** Whether the value means something for the task. */
+export function concerns(key: string, task: string): boolean {
+  return task.startsWith(GYM) || !OF_GYM.includes(key);
+}
 
 /** What a task's runs have unless something is changed. */
 export function presetOf(schema: ConfigSchema, task: string): Config {
@@ -101,7 +133,10 @@ export function parseValue(field: Field, text: string): { value: ConfigValue } |
       return { wrong: `must be one of ${field.choices.join(', ')}` };
     return { value: trimmed };
   }
-  if (field.kind === 'text') return trimmed ? { value: trimmed } : { wrong: 'must not be empty' };
+  if (field.kind === 'text') {
+    const mayBeEmpty = field.schema.default === '';
+    return trimmed || mayBeEmpty ? { value: trimmed } : { wrong: 'must not be empty' };
+  }
   const value = trimmed === '' ? NaN : Number(trimmed);
   if (!Number.isFinite(value)) return { wrong: 'must be a number' };
   if (field.kind === 'integer' && !Number.isSafeInteger(value))

@@ -10,13 +10,18 @@ export interface Axis {
   text: string; // "0.5, 0.9, 0.95" or "0-9"
 }
 
-/** The values in a text: separated by commas or spaces; `a-b` counts whole numbers from a to b. */
+/** What values are separated by: texts may have commas and spaces in them. */
+export function separatorOf(field: Field | undefined): RegExp {
+  return field?.kind === 'text' ? /\s*;\s*/ : /[\s,]+/;
+}
+
+/** The values in a text (`separatorOf`); `a-b` counts whole numbers from a to b. */
 export function parseValues(
   field: Field,
   text: string,
 ): { values: ConfigValue[] } | { wrong: string } {
   const values: ConfigValue[] = [];
-  for (const part of text.split(/[\s,]+/).filter(Boolean)) {
+  for (const part of text.trim().split(separatorOf(field)).filter(Boolean)) {
     const range = field.kind === 'integer' ? /^(\d+)(?:-|\.\.)(\d+)$/.exec(part) : null;
     const [from, to] = [Number(range?.[1]), Number(range?.[2])];
     if (range && (from > to || to - from >= MOST_RUNS)) {
