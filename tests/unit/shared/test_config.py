@@ -58,7 +58,7 @@ def test_every_task_has_a_preset_and_observations_of_its_network(task: TaskSpec)
         ({"pacing": "slow"}, "pacing = 'slow': Input should be 'lockstep' or 'realtime'"),
         (
             {"task": "flying"},
-            "task = 'flying': unknown; one of: gym:ENVIRONMENT-ID, pan_tilt, reaching, tracking",
+            "task = 'flying': unknown; one of: gym:[MODULE:]ENVIRONMENT-ID, pan_tilt, reaching, tracking",
         ),
         ({"algorithm": "sarsa"}, "algorithm = 'sarsa': Input should be 'bpn', 'bqn'"),
         (

@@ -8,6 +8,8 @@ from typing import Any
 from sqlalchemy import JSON, BigInteger, ForeignKey, Index, MetaData
 from sqlalchemy.orm import DeclarativeBase, Mapped, mapped_column
 
+from bpn_shared.spec.tasks import RETURN
+
 
 class Base(DeclarativeBase):
     """What all tables share. Constraints have names so that later migrations can change them."""
@@ -73,7 +75,7 @@ class RunRow(Base):
     """Iterations done."""
     iterations: Mapped[int]
     weights_version: Mapped[int | None]
-    return_metric: Mapped[str]
+    return_metric: Mapped[str] = mapped_column(default=RETURN)
     """Name of the mean return among the run's metrics, which tells its unit."""
     return_last: Mapped[float | None]
     """Mean return of the newest iteration, as of the next two in the unit of the run's return metric."""

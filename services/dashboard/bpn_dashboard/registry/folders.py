@@ -96,8 +96,9 @@ def name_in_trash(trash: Trash, run_id: str) -> str:
 
 
 def config_hash(values: Mapping[str, Any]) -> str:
-    """SHA-256 of a configuration's values as canonical JSON; without the options of `gym:` tasks that are off, so that
-    runs from before there were these are told to be alike.
+    """SHA-256 of a configuration's values as canonical JSON.
+
+    Options of `gym:` tasks that are off are left out, so that runs of before there were any are told to be alike.
     """
     off = OFF.model_dump()
     told = {key: value for key, value in values.items() if key not in off or value != off[key]}
