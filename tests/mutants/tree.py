@@ -26,6 +26,7 @@ LIBRARIES = (
     "sqlalchemy.orm", "sqlalchemy.dialects.sqlite", "sympy", "torch", "uvicorn", "websockets", "zenoh",
 )  # fmt: skip
 _PASSED, _FAILED, _COLLECTED_BADLY = 0, 1, 2
+_NOT_IMPORTED = "Error while loading conftest"
 _UNBOUNDED_S = 1e6
 
 Outcome = Literal["passed", "failed", "deadline", "timeout", "endless"]
@@ -99,7 +100,8 @@ class Tree:
         if status == _PASSED:
             return Done("passed", cpu_s=used_s)
         said = output.read_text()
-        if status not in (_FAILED, _COLLECTED_BADLY) and status > 0:
+        fails = status in (_FAILED, _COLLECTED_BADLY) or status < 0 or _NOT_IMPORTED in said
+        if not fails:
             raise RuntimeError(said)
         failed = re.search(r"^(?:FAILED|ERROR) (\S+)(.*)", said, re.MULTILINE)
         by, reason = failed.groups() if failed else ("", said[-500:])
