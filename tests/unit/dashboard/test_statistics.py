@@ -5,6 +5,7 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from bpn_dashboard.series.downsample import bucketize
+from bpn_dashboard.series.statistics import _resampled_weights
 from bpn_dashboard.series.statistics import summarize as summarize_runs
 
 matrices = st.integers(1, 12).flatmap(
@@ -122,3 +123,22 @@ def test_confidence_intervals_are_scipys(statistic, oracle, n) -> None:
     for own, scipys in ((curve.low, found.low), (curve.high, found.high)):
         assert (np.abs(own - scipys) < 0.25 * width).all()
         assert abs(np.mean((own - scipys) / width)) < 0.1  # the same resamples serve all
+
+
+@pytest.mark.parametrize("statistic", ["mean", "median", "iqm"])
+def test_a_bootstrap_is_the_same_in_every_dashboard(statistic: str) -> None:
+    """Or a band would change when the page is drawn again."""
+    drawn = _resampled_weights(5, statistic)
+    _resampled_weights.cache_clear()
+    again = _resampled_weights(5, statistic)
+    assert again is not drawn
+    np.testing.assert_array_equal(again, drawn)
+    np.testing.assert_allclose(drawn.sum(axis=1), 1.0)
+    assert len({row.tobytes() for row in drawn}) > 50
+
+
+@pytest.mark.parametrize("band", ["std", "sem", "ci95"])
+def test_one_seed_has_no_band(band: str) -> None:
+    curve = summarize([[1.0, 2.0]], "mean", band)
+    assert curve.value.tolist() == [1.0, 2.0]
+    assert np.isnan([curve.low, curve.high]).all()

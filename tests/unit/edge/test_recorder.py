@@ -44,7 +44,7 @@ def test_an_episode_holds_what_was_seen_done_and_computed(
                 step // 2,
                 reward=step / 4,
                 success=success if step == len(actions) else None,
-            ),  # fmt: skip
+            ),
             frame,
             1000 + step,
         )
