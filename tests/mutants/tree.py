@@ -17,7 +17,7 @@ from typing import Literal, NamedTuple
 ROOT = Path(__file__).parents[2]
 _LEFT_OUT = shutil.ignore_patterns(".*", "node_modules", "__pycache__", "*.png", "*.egg-info")
 _LEFT_OUT_OF_ROOT = {"build", "runs"}
-_DEADLINE = re.compile(r"waited \d+ s for|Timeout|TimeoutExpired|timed out")
+_DEADLINE = re.compile(r"waited \d+ s for|no episode was delivered|no frame \d|Timeout|timed out")
 LIBRARIES = (
     "_hypothesis_pytestplugin", "_pytest.junitxml", "_pytest.pytester", "alembic.command",
     "anyio.pytest_plugin", "cv2", "fastapi.testclient", "gymnasium", "httpx", "msgpack", "mujoco",
