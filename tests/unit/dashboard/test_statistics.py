@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from bpn_dashboard.series.downsample import bucketize
-from bpn_dashboard.series.statistics import _resampled_weights
+from bpn_dashboard.series.statistics import _percentile, _resampled_weights
 from bpn_dashboard.series.statistics import summarize as summarize_runs
 
 matrices = st.integers(1, 12).flatmap(
@@ -153,3 +153,10 @@ def test_the_newest_values_are_those_of_the_last_point_up_to_there() -> None:
     assert both.x.tolist() == [0.0, 1.0, 2.0, 3.0]
     assert both.last[:3].tolist() == [(3 + 10) / 2, (3 + 20) / 2, (9 + 30) / 2]
     assert both.n.tolist() == [2.0, 2.0, 2.0, 1.0]
+
+
+@given(st.integers(2, 600), st.integers(1, 4), st.floats(0, 0.999), st.integers(0, 2**32))
+def test_percentiles_are_numpys(n: int, rows: int, share: float, seed: int) -> None:
+    ordered = np.sort(np.random.default_rng(seed).normal(size=(rows, n)), axis=1)
+    expected = np.percentile(ordered, 100 * share, axis=1)
+    np.testing.assert_allclose(_percentile(ordered, share), expected, rtol=0, atol=1e-9)
