@@ -96,6 +96,23 @@ def test_after_a_restart_the_higher_attempt_wins(open_bus: OpenBus, wait_for: Wa
     del token
 
 
+def test_of_two_learners_that_answer_the_higher_attempt_is_taken(
+    open_bus: OpenBus, wait_for: WaitFor
+) -> None:
+    """One that does not know it was replaced may answer before, and after, the one that replaced it."""
+    learners = [WeightsPublisher(open_bus(), RUN) for _ in range(3)]
+    for learner, newest in zip(learners, (blob(1, 8), blob(2, 5), blob(1, 7)), strict=True):
+        learner.publish(newest)
+    edge = Edge(open_bus())
+
+    def asked() -> bool:
+        edge.subscriber.refresh()
+        return edge.newest == (2, 5)
+
+    wait_for(asked, "attempt 2")
+    assert Edge(open_bus()).newest == (2, 5)  # all three are known to the router by now
+
+
 GOOD = blob(1, 1)
 
 

@@ -20,11 +20,12 @@ _LEFT_OUT_OF_ROOT = {"build", "runs"}
 _DEADLINE = re.compile(r"waited \d+ s for|no episode was delivered|no frame \d|Timeout|timed out")
 LIBRARIES = (
     "_hypothesis_pytestplugin", "_pytest.junitxml", "_pytest.pytester", "alembic.command",
-    "anyio.pytest_plugin", "cv2", "fastapi.testclient", "gymnasium", "httpx", "msgpack", "mujoco",
-    "onnx", "onnxruntime", "prometheus_client", "psutil", "pyarrow", "pydantic", "pytest_timeout",
-    "requests", "rich.console", "safetensors.torch", "schemathesis.pytest.plugin", "scipy.stats",
-    "sqlalchemy.orm", "sqlalchemy.dialects.sqlite", "sympy", "torch", "uvicorn", "websockets", "zenoh",
+    "anyio.pytest_plugin", "cv2", "fastapi.testclient", "gymnasium", "httpx", "msgpack", "onnx",
+    "onnxruntime", "prometheus_client", "psutil", "pyarrow", "pydantic", "pytest_timeout", "requests",
+    "rich.console", "safetensors.torch", "schemathesis.pytest.plugin", "scipy.stats", "sqlalchemy.orm",
+    "sqlalchemy.dialects.sqlite", "sympy", "torch", "uvicorn", "websockets", "zenoh",
 )  # fmt: skip
+"""Loaded before any test; not MuJoCo, which robots have to prepare for."""
 _PASSED, _FAILED, _COLLECTED_BADLY = 0, 1, 2
 _NOT_IMPORTED = "Error while loading conftest"
 _UNBOUNDED_S = 1e6
