@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from chaos import facts
-from compose_project import BUILD_TIMEOUT_S, SERVICES, Project, docker
+from compose_project import SERVICES, Project, build_images, docker
 from rich.box import SIMPLE
 from rich.console import Console
 from rich.table import Table
@@ -45,7 +45,7 @@ def main() -> None:
     """Measures, prints a table, writes the result."""
     console = Console()
     measured_on = machine()  # its load before the measurement adds its own
-    docker("compose", "build", timeout_s=BUILD_TIMEOUT_S)
+    build_images()
     with socket.create_server(("127.0.0.1", 0)) as listening:
         port: int = listening.getsockname()[1]
     os.environ |= {"BPN_PORT": str(port), "BPN_FIRST_RUN": ""}

@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from bpn_shared.bnn import blob
-from bpn_shared.bnn.spec import NetworkSpec
+from bpn_shared.spec.network import NetworkSpec
 from checks.text import numbers, tables
 
 _FUNCTIONS: dict[str, Callable[[Sequence[float]], float]] = {

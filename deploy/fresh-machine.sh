@@ -54,8 +54,8 @@ for who in "${@:-root user}"; do
             user=newcomer
             docker exec "$container" chown -R newcomer: /home/newcomer
             # What is missing is told together with the command that installs it, which root then runs.
-            for check in "" browser; do
-                said=$(as newcomer "sh deploy/local/check-system.sh python3 $check 2>&1" || true)
+            for check in "" browser observability; do
+                said=$(as newcomer "sh deploy/check-system.sh python3 $check 2>&1" || true)
                 command=$(sed -n "s/^on Debian or Ubuntu: sudo sh -c '\(.*\)'$/\1/p" <<<"$said")
                 echo "a normal user is told: ${command:-nothing is missing}"
                 [ -z "$command" ] || docker exec --env DEBIAN_FRONTEND=noninteractive "$container" sh -euc "$command" >/dev/null

@@ -29,6 +29,12 @@ def written_by() -> dict[str, str | None]:
     }
 
 
+def describe() -> str:
+    """Version and protocol, and the commit where it is known, in one line."""
+    known = commit()
+    return f"{VERSION}, protocol {PROTOCOL}" + (f", commit {known}" if known else "")
+
+
 @cache
 def commit() -> str | None:
     """The commit of this program, where it runs from a checkout or its image says so."""

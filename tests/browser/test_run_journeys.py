@@ -10,7 +10,7 @@ from playwright.sync_api import Locator, Page, expect
 from bpn_shared.bnn import golden
 from bpn_shared.bnn.blob import WeightBlob
 from bpn_shared.messages.episode import Episode
-from bpn_shared.tasks import TASKS
+from bpn_shared.spec.tasks import TASKS
 
 
 def open_run(page: Page, dashboard: Any, run: str, tab: str = "curves") -> None:

@@ -16,8 +16,8 @@ from rich.console import Console
 
 from bpn.local_run import execute, new_run, private_endpoint
 from bpn.summary import summarize
-from bpn_shared.config import RunConfig
 from bpn_shared.runs.folder import RunFolder
+from bpn_shared.spec.config import RunConfig
 
 DAY_S = 86_400
 CONFIG = RunConfig.for_task(

@@ -15,10 +15,10 @@ import pytest
 from bpn.local_run import new_run, private_endpoint, run_to_end
 from bpn.summary import summarize
 from bpn.supervisor import Supervisor, services_of_run
-from bpn_shared.config import RunConfig
 from bpn_shared.runs import lock
 from bpn_shared.runs.folder import RunFolder
-from bpn_shared.worker import EXIT_UNRECOVERABLE
+from bpn_shared.runtime.worker import EXIT_UNRECOVERABLE
+from bpn_shared.spec.config import RunConfig
 
 CONFIG = RunConfig.for_task(
     "reaching", seed=5, iterations=40, episodes=2, steps=2, epochs=2, batch=2, nodes=1, datasets=2

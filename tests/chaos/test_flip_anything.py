@@ -19,8 +19,8 @@ import pytest
 from bpn.cli import main
 from bpn.local_run import new_run, private_endpoint, run_to_end
 from bpn.summary import summarize
-from bpn_shared.config import RunConfig
 from bpn_shared.runs.folder import RunFolder
+from bpn_shared.spec.config import RunConfig
 
 CASES = 300 if os.environ.get("BPN_CHAOS") else 12
 CONFIG = RunConfig.for_task(

@@ -17,13 +17,13 @@ from rich.console import Console
 from bpn.local_run import execute, new_run, private_endpoint
 from bpn.summary import summarize
 from bpn.supervisor import Supervisor
-from bpn_shared import keys
+from bpn_shared.bus import keys
 from bpn_shared.bus.latest import LatestPublisher
 from bpn_shared.bus.liveliness import Alive
 from bpn_shared.bus.requests import RefusedError, request
 from bpn_shared.bus.session import Bus
-from bpn_shared.config import RunConfig
 from bpn_shared.runs.folder import RunFolder
+from bpn_shared.spec.config import RunConfig
 
 CONFIG = RunConfig.for_task(
     "reaching", seed=11, iterations=5, episodes=40, epochs=1, nodes=24, datasets=2

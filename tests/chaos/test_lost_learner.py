@@ -19,9 +19,9 @@ from bpn.supervisor import Supervisor
 from bpn.verify.verification import Verification
 from bpn_shared.bus.metrics import MetricsSubscriber
 from bpn_shared.bus.session import Bus
-from bpn_shared.config import RunConfig
 from bpn_shared.messages.metrics import MetricsBatch
 from bpn_shared.runs.folder import RunFolder
+from bpn_shared.spec.config import RunConfig
 
 WaitFor = Callable[..., None]
 CONFIG = RunConfig.for_task(

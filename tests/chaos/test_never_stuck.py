@@ -15,12 +15,11 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
-import msgpack
 import pytest
 from pool import LONG_S, Pool, frozen, running_pool
 
 from bpn.dashboard import Dashboard, DashboardError
-from bpn_shared import keys
+from bpn_shared.bus import keys
 from bpn_shared.bus.requests import NoReplyError, RefusedError, request
 from bpn_shared.bus.session import Bus
 
@@ -96,21 +95,24 @@ def test_where_no_edge_has_onnx_runtime_a_float_run_fails_with_that_reason(
 def test_an_edge_of_an_older_protocol_is_named_at_the_run_that_lacks_it(
     tmp_path: Path, wait_for: WaitFor
 ) -> None:
+    """What an edge of protocol 1 asks, as one (of commit c1cfefb) said it on the bus and it was recorded there."""
+    asked = (
+        Path(__file__).parents[1] / "golden" / "protocol-1" / "lease-request.msgpack"
+    ).read_bytes()
     with (
         running_pool(tmp_path / "runs", "--edges", "0") as pool,
         terminal(tmp_path, "reaching", *SMALL, "--runs-dir", str(pool.runs_dir)) as shown,
         Bus(pool.dashboard.endpoint) as bus,
     ):
-        old = msgpack.packb({"schema": 1, "role": "edge", "worker": "edge-old", "label": ""})
 
         def told(text: str) -> str:
             with contextlib.suppress(RefusedError, NoReplyError):
-                request(bus, keys.lease_request(), old, timeout_s=5.0)
+                request(bus, keys.lease_request(), asked, timeout_s=5.0)
             return text
 
         readable_s(
             wait_for,
-            "edge-old speaks protocol 1",
+            "edge-b2d36365fab3 speaks protocol 1",
             rest=lambda: told(newest_run(pool)["waiting_reason"]),
             terminal=lambda: told(shown.said),
         )

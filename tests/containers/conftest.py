@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from compose_project import BUILD_TIMEOUT_S, Project, docker
+from compose_project import Project, build_images
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
@@ -21,7 +21,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 @pytest.fixture(scope="session")
 def images() -> None:
     """The images of the sources as they are."""
-    docker("compose", "build", timeout_s=BUILD_TIMEOUT_S)
+    build_images()
 
 
 @pytest.fixture(scope="module")

@@ -4,6 +4,7 @@
 stored is printed, which is where ARCHITECTURE.md has its seconds from.
 """
 
+import contextlib
 import functools
 import os
 import random
@@ -120,12 +121,17 @@ def test_30_percent_of_packets_lost(project: Project, disturbed: Disturbed) -> N
 
 def test_a_storm_of_sigterm(project: Project, disturbed: Disturbed) -> None:
     _, progress = disturbed("edge")
+    workers = [c for s in ("edge", "robot_sim", "learner") for c in project.containers(s)]
+    started = [project.state(container)["StartedAt"] for container in workers]
     began_unix_s = time.time()
     for _ in range(3):
-        for service in ("edge", "robot_sim", "learner"):
-            for container in project.containers(service):
+        for container in workers:
+            # One that is on its way down, or not back from the last round, fails or ends the command.
+            with contextlib.suppress(EngineError):
                 docker("exec", container, "bash", "-c", "kill $(cat /proc/1/task/1/children)")
     report_pause("three rounds of SIGTERM to all workers", progress, began_unix_s)
+    for container, before in zip(workers, started, strict=True):
+        assert project.state(container)["StartedAt"] != before
 
 
 def test_many_kills_in_random_order(project: Project, disturbed: Disturbed) -> None:
@@ -146,3 +152,29 @@ def test_many_kills_in_random_order(project: Project, disturbed: Disturbed) -> N
     print(
         f"killed {dict(killed)}, then {project.api('GET', f'/runs/{run}')['iteration']} iterations done"
     )
+
+
+def test_a_learner_that_is_cut_off_is_replaced_by_an_idle_one(
+    project: Project, disturbed: Disturbed
+) -> None:
+    project.up("--scale", "learner=2")
+    try:
+        run, progress = disturbed("edge")
+        (holder,) = (c for c in project.containers("learner") if holds(c, run))
+        network = f"{project.name}_bus"
+        docker("network", "disconnect", network, holder)
+        began_unix_s, before = time.time(), len(progress.stored_unix_s())
+        first_unix_s = progress.wait_beyond(before, timeout_s=120.0)[before]
+        print(f"REPLACED learner cut off: {first_unix_s - began_unix_s:.1f} s after")
+        docker("network", "connect", "--alias", "learner", network, holder)
+        project.wait_finished(run, RUN_TIMEOUT_S)
+    finally:
+        project.up("--scale", "learner=1")
+
+
+def holds(container: str, run: str) -> bool:
+    """Whether a learner has the lock of a run."""
+    with contextlib.suppress(EngineError):
+        docker("exec", container, "sh", "-c", f"ls -l /proc/[0-9]*/fd | grep -q {run}/.lock")
+        return True
+    return False

@@ -1,13 +1,16 @@
 """The loop in containers: it learns, it is locked down, it survives, and it leaves nothing."""
 
 import json
+import re
 import subprocess
 import time
 from collections.abc import Callable
 
 import pytest
 from chaos import facts, kill_main
-from compose_project import COMMAND_TIMEOUT_S, SERVICES, Project, docker
+from compose_project import COMMAND_TIMEOUT_S, SERVICES, Project, docker, image
+
+from bpn_shared.version import PROTOCOL, VERSION
 
 WaitFor = Callable[..., None]
 
@@ -91,7 +94,7 @@ def test_only_the_dashboard_can_be_reached_and_from_this_machine_alone(project: 
 
 def test_who_has_no_certificate_is_not_let_in(project: Project) -> None:
     done = subprocess.run(
-        ["docker", "run", "--rm", "--network", f"{project.name}_bus", "bpn-edge", "--connect=tls/router:7447"],
+        ["docker", "run", "--rm", "--network", f"{project.name}_bus", image("edge"), "--connect=tls/router:7447"],
         capture_output=True, text=True, timeout=COMMAND_TIMEOUT_S, check=False,
     )  # fmt: skip
     assert done.returncode == 2
@@ -105,12 +108,36 @@ def test_the_edge_image_is_small_and_has_neither_torch_nor_mujoco_nor_a_compiler
         "print([n for n in ('torch', 'mujoco', 'cryptography', 'pip') if importlib.util.find_spec(n)],"
         "[c for c in ('gcc', 'g++', 'cc', 'clang', 'make') if shutil.which(c)])"
     )
-    assert docker("run", "--rm", "--entrypoint", "python", "bpn-edge", "-c", probe) == "[] []\n"
+    assert docker("run", "--rm", "--entrypoint", "python", image("edge"), "-c", probe) == "[] []\n"
     base, edge = (
-        int(docker("image", "inspect", "-f", "{{.Size}}", image))
-        for image in ("python:3.11-slim-bookworm", "bpn-edge")
+        int(docker("image", "inspect", "-f", "{{.Size}}", name))
+        for name in ("python:3.11-slim-bookworm", image("edge"))
     )
     assert edge - base < EDGE_BEYOND_BASE_BYTES
+
+
+@pytest.mark.usefixtures("images")
+@pytest.mark.parametrize("service", [*SERVICES, "certificates"])
+def test_an_image_tells_its_version_and_commit(service: str) -> None:
+    labels = json.loads(docker("image", "inspect", "-f", "{{json .Config.Labels}}", image(service)))
+    told = {name.rpartition(".")[2]: value for name, value in labels.items()}
+    program = f"bpn-{service.replace('_', '-')}"
+    assert (told["title"], told["version"]) == (program, VERSION)
+    assert re.fullmatch("[0-9a-f]{40}(-dirty)?", told["revision"])
+    said = docker("run", "--rm", image(service), "--version")
+    assert said == f"{program} {VERSION}, protocol {PROTOCOL}, commit {told['revision']}\n"
+
+
+def test_a_run_tells_which_images_wrote_it(project: Project) -> None:
+    run = project.start_run(**SMALL)
+    project.api("POST", f"/runs/{run}/stop")
+    config = project.compose("exec", "-T", "dashboard", "cat", f"/runs/{run}/config.json")
+    writer = json.loads(config)["written_by"]
+    revision = '{{index .Config.Labels "org.opencontainers.image.revision"}}'
+    assert writer["version"] == VERSION
+    assert (
+        writer["commit"] == docker("image", "inspect", "-f", revision, image("dashboard")).strip()
+    )
 
 
 @pytest.mark.parametrize("service", SERVICES)

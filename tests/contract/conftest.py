@@ -10,7 +10,7 @@ import pytest
 import uvicorn
 from fastapi import FastAPI
 from live_view import OpenBus, Server, Tab, WaitFor
-from loop_parts import Running
+from loop_parts import Running, Scene
 from registry_world import Puppet, Registry
 
 from bpn_dashboard.access.guard import Guard
@@ -75,6 +75,20 @@ def running(open_bus: OpenBus) -> Iterator[Callable[..., Running]]:
 
     yield start
     for each in started:
+        each.end()
+
+
+@pytest.fixture
+def scene(open_bus: OpenBus, running: Callable[..., Running]) -> Iterator[Callable[..., Scene]]:
+    """Makes scenes, whose robots end with the test."""
+    made: list[Scene] = []
+
+    def make(*arguments: Any) -> Scene:
+        made.append(Scene(open_bus, running, *arguments))
+        return made[-1]
+
+    yield make
+    for each in made:
         each.end()
 
 

@@ -21,8 +21,8 @@ from bpn_dashboard.registry.store import RunStore
 from bpn_dashboard.series import store as series_store
 from bpn_dashboard.series.ingest import Ingest
 from bpn_dashboard.series.points import Points
-from bpn_shared.config import RunConfig
-from bpn_shared.service import Counters
+from bpn_shared.counters import Counters
+from bpn_shared.spec.config import RunConfig
 
 COMMITTED = Path(__file__).parents[2] / "services/dashboard/web/openapi.json"
 OPERATIONS = [
@@ -38,6 +38,7 @@ MORE_THAN_A_SCHEMA = {
     "GET /api/v1/runs/{run_id}/logs",
     "GET /api/v1/sweeps",
     "POST /api/v1/runs",  # values must fit together, and an environment be there
+    "POST /api/v1/runs/prune",  # one of two rules at least
     "POST /api/v1/series/query",  # either runs or filter
     "POST /api/v1/sweeps",  # at most so many runs, and seed not in both grid and seeds
 }

@@ -6,11 +6,12 @@ from collections.abc import Callable
 import pytest
 
 from bpn_shared.backoff import Backoff
-from bpn_shared.bus.ask import ask
 from bpn_shared.bus.requests import RefusedError, Responder
 from bpn_shared.bus.session import Bus
+from bpn_shared.counters import Counters
 from bpn_shared.messages.base import MessageError
-from bpn_shared.service import Counters, Waiting
+from bpn_shared.runtime.ask import ask
+from bpn_shared.waiting import Waiting
 
 OpenBus = Callable[[], Bus]
 KEY = "test/ask"

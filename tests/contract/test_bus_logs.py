@@ -5,13 +5,13 @@ from uuid import UUID
 
 import pytest
 
-from bpn_shared import keys, log_lines
-from bpn_shared.bus import logs
+from bpn_shared.bus import keys, logs
 from bpn_shared.bus.latest import LatestPublisher
 from bpn_shared.bus.logs import LogCollector, LogPublisher
 from bpn_shared.bus.session import Bus
-from bpn_shared.config import RunConfig
-from bpn_shared.worker import service_names
+from bpn_shared.messages import log_lines
+from bpn_shared.runtime.worker import service_names
+from bpn_shared.spec.config import RunConfig
 
 RUN = UUID(int=1)
 SERVICES = service_names(RunConfig())

@@ -9,8 +9,8 @@ import pytest
 
 from bpn_shared.bus.requests import NoReplyError, RefusedError, Responder, request
 from bpn_shared.bus.session import Bus, BusError
+from bpn_shared.counters import Counters
 from bpn_shared.messages.base import MessageError
-from bpn_shared.service import Counters
 
 OpenBus = Callable[[], Bus]
 RunningRouter = Callable[[str], contextlib.AbstractContextManager[None]]

@@ -1,16 +1,20 @@
+import errno
 import threading
 import time
 from collections.abc import Callable
 
-from bpn_shared import keys
+import pytest
+
+from bpn_shared.bus import keys
 from bpn_shared.bus.liveliness import AliveToken, TokenWatch
 from bpn_shared.bus.sampled import SampledPublisher
 from bpn_shared.bus.session import Bus
 from bpn_shared.bus.telemetry import TelemetryPublisher, TelemetryWatch
 from bpn_shared.bus.watch import Watch
+from bpn_shared.counters import Counters
 from bpn_shared.messages.telemetry import Telemetry
-from bpn_shared.service import Counters, Waiting
-from bpn_shared.telemetry import Latencies, Reporter, WeightsMarks
+from bpn_shared.runtime.telemetry import Latencies, Reporter, WeightsMarks
+from bpn_shared.waiting import Waiting
 
 OpenBus = Callable[[], Bus]
 WaitFor = Callable[..., None]
@@ -25,7 +29,7 @@ def test_nothing_is_encoded_until_somebody_watches_and_after_they_left(
         encoded.append(number)
         return bytes([number]), b"header"
 
-    publisher = SampledPublisher[int](open_bus(), "test/sampled", 1000.0, encode)
+    publisher = SampledPublisher[int](open_bus(), "test/sampled", 1000.0, encode, Counters())
     assert not publisher.watched
     publisher.offer(1)
     received: list[tuple[bytes, bytes]] = []
@@ -47,13 +51,41 @@ def test_nothing_is_encoded_until_somebody_watches_and_after_they_left(
     assert "sampled test/sampled" not in {thread.name for thread in threading.enumerate()}
 
 
+def test_what_cannot_be_encoded_is_counted_and_its_traceback_logged_once(
+    open_bus: OpenBus, wait_for: WaitFor, caplog: pytest.LogCaptureFixture
+) -> None:
+    def encode(number: int) -> tuple[bytes, None]:
+        if number < 9:
+            raise OSError(errno.EMFILE, "Too many open files")
+        return bytes([number]), None
+
+    counters, received = Counters(), []
+    publisher = SampledPublisher[int](open_bus(), "test/sampled", 1000.0, encode, counters)
+    watch = Watch(open_bus(), "test/sampled", lambda _header, data: received.append(data))
+    wait_for(lambda: publisher.watched, "the publisher to see that it is watched")
+    for number in range(10):
+        publisher.offer(number)
+        seen = min(number + 1, 9)
+        wait_for(
+            lambda seen=seen: counters.snapshot().get("items_not_published") == seen, "the count"
+        )
+    wait_for(lambda: received == [b"\x09"], "the item that can be encoded")
+    assert sum(record.exc_info is not None for record in caplog.records) == 1
+    watch.close()
+    publisher.close()
+
+
 def test_the_newest_is_published_at_the_rate_asked_for(
     open_bus: OpenBus, wait_for: WaitFor
 ) -> None:
     received: list[int] = []
     rate_hz = 50.0
     publisher = SampledPublisher[int](
-        open_bus(), "test/sampled", rate_hz, lambda number: (number.to_bytes(4, "big"), None)
+        open_bus(),
+        "test/sampled",
+        rate_hz,
+        lambda number: (number.to_bytes(4, "big"), None),
+        Counters(),
     )
     watch = Watch(
         open_bus(),
@@ -87,7 +119,7 @@ def test_telemetry_of_every_service_reaches_the_watcher(
             "edge", name, lambda: (None, None), bus.traffic, waiting=Waiting(),
             counters=Counters(), latencies=Latencies(), weights=WeightsMarks(),
         )  # fmt: skip
-        publishers.append(TelemetryPublisher(bus, "edge", name, reporter.report))
+        publishers.append(TelemetryPublisher(bus, "edge", name, reporter.report, Counters()))
     wait_for(lambda: {h.worker for h in heard} == {"edge-1", "edge-2"}, "both services' reports")
     watching.zenoh.put(keys.telemetry("edge", "edge-3"), b"garbage")
     wait_for(lambda: counters.snapshot() == {"telemetry_refused": 1}, "garbage to be refused")

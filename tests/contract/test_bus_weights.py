@@ -6,16 +6,16 @@ from uuid import UUID
 import numpy as np
 import pytest
 
-from bpn_shared import keys
 from bpn_shared.bnn.blob import WeightBlob
-from bpn_shared.bnn.spec import NetworkSpec
+from bpn_shared.bnn.float_weights import FloatWeights
+from bpn_shared.bnn.weights import NO_RANK
+from bpn_shared.bus import keys
 from bpn_shared.bus.latest import LatestPublisher
 from bpn_shared.bus.liveliness import AliveToken
 from bpn_shared.bus.session import Bus
 from bpn_shared.bus.weights import WeightsPublisher, WeightsSubscriber, _encode_header
-from bpn_shared.float_weights import FloatWeights
-from bpn_shared.service import Counters
-from bpn_shared.weights import NO_RANK
+from bpn_shared.counters import Counters
+from bpn_shared.spec.network import NetworkSpec
 
 OpenBus = Callable[[], Bus]
 WaitFor = Callable[..., None]

@@ -17,12 +17,12 @@ from bpn_dashboard.registry.store import RunStore
 from bpn_dashboard.registry.workplace import ConnectedWorkers
 from bpn_dashboard.series.ingest import Ingest
 from bpn_robot_sim.probe import answer
-from bpn_shared import keys
+from bpn_shared.bus import keys
 from bpn_shared.bus.requests import Responder
 from bpn_shared.bus.session import Bus
+from bpn_shared.counters import Counters
 from bpn_shared.errors import InputError
 from bpn_shared.runs.folder import RunFolder
-from bpn_shared.service import Counters
 
 Values = dict[str, Any]
 Door = Callable[[str, Values], RunFolder]

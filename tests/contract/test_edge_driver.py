@@ -11,15 +11,15 @@ from loop_parts import EvilRobot, Running
 from bpn.verify.draws import step_uniforms
 from bpn.verify.play import greedy_choice, softmax_choice
 from bpn_edge import service as edge
-from bpn_shared import keys
 from bpn_shared.bnn import golden
+from bpn_shared.bus import keys
 from bpn_shared.bus.latest import DirectSubscriber
 from bpn_shared.bus.session import Bus
-from bpn_shared.config import RunConfig
 from bpn_shared.messages.action import Action
 from bpn_shared.messages.decision import Decision
 from bpn_shared.messages.frame import FrameHeader
-from bpn_shared.observation import stack
+from bpn_shared.spec.config import RunConfig
+from bpn_shared.spec.observation import stack
 
 OpenBus = Callable[[], Bus]
 STEPS = 12

@@ -7,8 +7,8 @@ from loop_parts import Running
 
 from bpn_edge import service as edge
 from bpn_shared.bus.session import Bus
-from bpn_shared.config import RunConfig
 from bpn_shared.messages.control import Assignment
+from bpn_shared.spec.config import RunConfig
 
 CONFIG = RunConfig.for_task("reaching", nodes=16, steps=3)
 

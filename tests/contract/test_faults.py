@@ -10,26 +10,23 @@ import numpy as np
 import pytest
 from gymnasium.spaces import Box, Discrete
 from learner_side import RUN, LearnerSide
-from loop_parts import EvilRobot, Headers, Running
+from loop_parts import Headers, Running, Scene, good
 
 from bpn.evaluation.host import EVALUATION, TrialHost
 from bpn_edge import memory as edge_memory
 from bpn_edge import service as edge
 from bpn_edge.kernel.native import NativeKernel
-from bpn_robot_sim import service as robot_sim
+from bpn_robot_sim import worker as robot_sim
 from bpn_shared.bnn import golden
-from bpn_shared.bnn.blob import BlobError, WeightBlob
+from bpn_shared.bnn.blob import WeightBlob
+from bpn_shared.bnn.envelope import BlobError
 from bpn_shared.bus.session import Bus
-from bpn_shared.config import RunConfig
-from bpn_shared.messages.frame import FrameHeader, FrameKind
-from bpn_shared.seeds import episode_seed
+from bpn_shared.messages.frame import FrameKind
+from bpn_shared.spec.config import RunConfig
+from bpn_shared.spec.seeds import episode_seed
 
 REACHING = RunConfig.for_task("reaching", nodes=16, steps=3)
 OpenBus = Callable[[], Bus]
-
-
-def good(header: FrameHeader, _step: int) -> FrameHeader:
-    return header
 
 
 def at(wanted: int, **changes: Any) -> Headers:
@@ -77,28 +74,22 @@ EVIL = {
 
 @pytest.mark.parametrize(("config", "bend", "reason"), EVIL.values(), ids=EVIL.keys())
 def test_frames_that_no_robot_sends_are_faults_and_the_edge_lives(
-    open_bus: OpenBus,
-    running: Callable[..., Running],
+    scene: Callable[..., Scene],
     config: RunConfig,
     bend: Headers,
     reason: str,
 ) -> None:
-    learner = LearnerSide(open_bus(), config)
-    learner.publish(1, 7)
-    robot = EvilRobot(open_bus(), config, bend)
-    service = running("edge", edge.serve, config)
-    try:
-        reasons = learner.wait_faults(3)
-        assert len(set(reasons)) == 1, "what is the same each time is told in the same words"
-        assert re.fullmatch(reason, reasons[0])
-        assert learner.faults[0].worker == "edge-1"
-        assert service.counters["frames_refused"] >= 3
-        assert learner.delivered == []
-        robot.bend = good
-        episode = learner.next_delivery()
-        assert episode.steps == 3
-    finally:
-        robot.end()
+    playing = scene(config, bend)
+    learner, service = playing.learner, playing.begin()
+    reasons = learner.wait_faults(3)
+    assert len(set(reasons)) == 1, "what is the same each time is told in the same words"
+    assert re.fullmatch(reason, reasons[0])
+    assert learner.faults[0].worker == "edge-1"
+    assert service.counters["frames_refused"] >= 3
+    assert learner.delivered == []
+    playing.robot.bend = good
+    episode = learner.next_delivery()
+    assert episode.steps == 3
 
 
 class Trap(gymnasium.Env[Any, Any]):
@@ -130,6 +121,28 @@ gymnasium.register("bpn-test/Trap-v0", entry_point=Trap, disable_env_checker=Tru
 TRAP = RunConfig.for_task("gym:bpn-test/Trap-v0", actions=2, nodes=16, steps=6)
 
 
+@pytest.fixture
+def waiting_robot(
+    running: Callable[..., Running], wait_for: Callable[..., None]
+) -> Callable[[], Running]:
+    """A robot with a trap, whose look at its environment is over."""
+
+    def start() -> Running:
+        robot = running("robot_sim", robot_sim.serve, TRAP)
+        wait_for(lambda: robot.worker.waiting.snapshot()[0], "the robot to wait")
+        return robot
+
+    return start
+
+
+@pytest.fixture
+def trapped(open_bus: OpenBus, waiting_robot: Callable[[], Running]) -> tuple[LearnerSide, Running]:
+    """A learner with weights, and such a robot."""
+    learner = LearnerSide(open_bus(), TRAP)
+    learner.publish(1, 7)
+    return learner, waiting_robot()
+
+
 def raises() -> float:
     raise ValueError("bad joint\nthe last line")
 
@@ -143,17 +156,13 @@ def raises() -> float:
     ],
 )
 def test_what_an_environment_does_is_told_by_the_robot_which_lives(
-    open_bus: OpenBus,
+    trapped: tuple[LearnerSide, Running],
     running: Callable[..., Running],
     monkeypatch: pytest.MonkeyPatch,
-    wait_for: Callable[..., None],
     trap: Callable[[], float],
     told: str,
 ) -> None:
-    learner = LearnerSide(open_bus(), TRAP)
-    learner.publish(1, 7)
-    robot = running("robot_sim", robot_sim.serve, TRAP)
-    wait_for(lambda: robot.worker.waiting.snapshot()[0], "the robot to wait")  # its look is over
+    learner, robot = trapped
     monkeypatch.setattr(Trap, "trap", staticmethod(trap))
     service = running("edge", edge.serve, TRAP)
     reasons = learner.wait_faults(3)
@@ -169,15 +178,12 @@ def test_what_an_environment_does_is_told_by_the_robot_which_lives(
 
 
 def test_an_episode_without_a_picture_is_warned_of(
-    open_bus: OpenBus,
+    trapped: tuple[LearnerSide, Running],
     running: Callable[..., Running],
     monkeypatch: pytest.MonkeyPatch,
     wait_for: Callable[..., None],
 ) -> None:
-    learner = LearnerSide(open_bus(), TRAP)
-    learner.publish(1, 7)
-    robot = running("robot_sim", robot_sim.serve, TRAP)
-    wait_for(lambda: robot.worker.waiting.snapshot()[0], "the robot to wait")
+    learner, robot = trapped
     running("edge", edge.serve, TRAP)
     learner.next_delivery()
     assert "episodes_without_a_picture" not in robot.counters
@@ -192,15 +198,12 @@ def test_an_episode_without_a_picture_is_warned_of(
 
 
 def test_faults_that_nobody_hears_do_not_end_the_robot_nor_make_a_storm(
-    open_bus: OpenBus,
+    trapped: tuple[LearnerSide, Running],
     running: Callable[..., Running],
     monkeypatch: pytest.MonkeyPatch,
     wait_for: Callable[..., None],
 ) -> None:
-    learner = LearnerSide(open_bus(), TRAP)
-    learner.publish(1, 7)
-    robot = running("robot_sim", robot_sim.serve, TRAP)
-    wait_for(lambda: robot.worker.waiting.snapshot()[0], "the robot to wait")
+    learner, robot = trapped
     learner._responders[-1].close()  # as a learner of before there were faults
     monkeypatch.setattr(Trap, "trap", staticmethod(raises))
     running("edge", edge.serve, TRAP)
@@ -293,12 +296,11 @@ def test_a_trial_that_cannot_be_played_ends_the_evaluation_with_the_reason(
     open_bus: OpenBus,
     running: Callable[..., Running],
     monkeypatch: pytest.MonkeyPatch,
-    wait_for: Callable[..., None],
+    waiting_robot: Callable[[], Running],
 ) -> None:
     blob = replace(WeightBlob.random(TRAP.network, np.random.default_rng(0)), run=RUN)
     host = TrialHost(open_bus(), RUN, TRAP, blob, count=2, policy="greedy")
-    robot = running("robot_sim", robot_sim.serve, TRAP)
-    wait_for(lambda: robot.worker.waiting.snapshot()[0], "the robot to wait")
+    waiting_robot()
     monkeypatch.setattr(Trap, "trap", staticmethod(raises))
     running("edge", edge.serve, TRAP)
     assert host.over.wait(30)

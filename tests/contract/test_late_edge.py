@@ -12,8 +12,8 @@ from learner_side import RUN, LearnerSide
 from bpn_shared.bnn import golden
 from bpn_shared.bnn.blob import WeightBlob
 from bpn_shared.bus.session import Bus
-from bpn_shared.config import RunConfig
 from bpn_shared.messages.episode import Episode
+from bpn_shared.spec.config import RunConfig
 
 CONFIG = RunConfig.for_task("reaching", nodes=16, steps=3)
 

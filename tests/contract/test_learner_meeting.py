@@ -12,12 +12,12 @@ from bpn_learner import rendezvous
 from bpn_learner.group import DistributedGroup, GroupLostError
 from bpn_learner.rendezvous import Rendezvous, join
 from bpn_learner.update import UpdateStopped
-from bpn_shared import keys
+from bpn_shared.bus import keys
 from bpn_shared.bus.requests import RefusedError, request
 from bpn_shared.bus.session import Bus
-from bpn_shared.config import RunConfig
 from bpn_shared.messages.meeting import MeetingReply, MeetingRequest
-from bpn_shared.worker import Worker
+from bpn_shared.runtime.worker import Worker
+from bpn_shared.spec.config import RunConfig
 
 RUN = UUID(int=5)
 CONFIG = RunConfig.for_task("reaching", learners=3)

@@ -11,16 +11,17 @@ from live_view import CAMERA, RUN, OpenBus, Robot, Server, Tab, WaitFor, first_f
 
 from bpn_dashboard.hub import topics
 from bpn_dashboard.hub.protocol import CREDIT
-from bpn_shared import keys
+from bpn_shared.bus import keys
 from bpn_shared.bus.latest import LatestPublisher
 from bpn_shared.bus.liveliness import AliveToken
 from bpn_shared.bus.metrics import MetricsPublisher
 from bpn_shared.bus.sampled import SampledPublisher
 from bpn_shared.bus.session import Bus
 from bpn_shared.bus.telemetry import TelemetryPublisher
+from bpn_shared.counters import Counters
 from bpn_shared.messages.decision import Decision
-from bpn_shared.service import Counters, Waiting
-from bpn_shared.telemetry import Latencies, Reporter, WeightsMarks
+from bpn_shared.runtime.telemetry import Latencies, Reporter, WeightsMarks
+from bpn_shared.waiting import Waiting
 
 
 def test_the_server_says_who_it_is_and_what_time(tab: Callable[..., Tab]) -> None:
@@ -85,7 +86,9 @@ def test_the_rate_is_capped(tab: Callable[..., Tab], open_bus: OpenBus) -> None:
 def test_a_slot_is_watched_once_for_all_and_only_while_somebody_looks(
     server: Server, tab: Callable[..., Tab], open_bus: OpenBus, wait_for: WaitFor
 ) -> None:
-    robot = SampledPublisher[int](open_bus(), keys.preview(RUN, 0), 30.0, lambda _step: (b"", None))
+    robot = SampledPublisher[int](
+        open_bus(), keys.preview(RUN, 0), 30.0, lambda _step: (b"", None), Counters()
+    )
     first, second = tab(), tab()
     assert not robot.watched
     one = first.subscribe(CAMERA)
@@ -231,7 +234,7 @@ def test_topology_follows_a_service_from_birth_to_death(
         "edge", "edge-1", lambda: (RUN, 0), bus.traffic, waiting=waiting,
         counters=Counters(), latencies=Latencies(), weights=WeightsMarks(),
     )  # fmt: skip
-    publisher = TelemetryPublisher(bus, "edge", "edge-1", reporter.report)
+    publisher = TelemetryPublisher(bus, "edge", "edge-1", reporter.report, Counters())
     token = AliveToken(bus, "edge", "edge-1")
     page.subscribe("topology")
 

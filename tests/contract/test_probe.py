@@ -10,9 +10,9 @@ import pytest
 from bpn_robot_sim.probe import probe_in_child
 from bpn_shared.bus.requests import NoReplyError
 from bpn_shared.bus.session import Bus
-from bpn_shared.config import ConfigError
 from bpn_shared.messages.probe import ProbeReply, ProbeRequest
-from bpn_shared.probing import probe_by_worker
+from bpn_shared.runtime.probing import probe_by_worker
+from bpn_shared.spec.config import ConfigError
 
 ODD = """
 import os, time

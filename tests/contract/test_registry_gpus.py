@@ -5,9 +5,9 @@ from collections.abc import Callable
 from registry_world import Puppet, Registry, WaitFor
 
 from bpn_dashboard.registry.workplace import ConnectedWorkers
-from bpn_shared.config import ConfigError
 from bpn_shared.messages.lease import Role
 from bpn_shared.runs.creation import configure
+from bpn_shared.spec.config import ConfigError
 
 
 def test_only_what_learners_have_told_refuses_a_run(

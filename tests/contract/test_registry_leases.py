@@ -11,15 +11,15 @@ from registry_world import Puppet, Registry, WaitFor, state_of
 
 from bpn_dashboard.registry import desk
 from bpn_dashboard.registry import dispatcher as dispatching
-from bpn_shared import keys
+from bpn_shared.bus import keys
 from bpn_shared.bus.liveliness import Token
 from bpn_shared.bus.requests import RefusedError, Responder, request
 from bpn_shared.bus.session import Bus
-from bpn_shared.config import RunConfig
-from bpn_shared.leased import LeaseLoop
 from bpn_shared.messages.lease import LeaseReply, Role
 from bpn_shared.runs.folder import RunFolder
-from bpn_shared.worker import Worker, WorkerProcess
+from bpn_shared.runtime.leased import LeaseLoop
+from bpn_shared.runtime.worker import Worker, WorkerProcess
+from bpn_shared.spec.config import RunConfig
 
 CONFIG = RunConfig.for_task("reaching", iterations=3)
 

@@ -1,8 +1,10 @@
 """What keeps a run from going on: the registry ends it with the reason, or says what it waits for."""
 
+import errno
 import threading
 import time
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 from uuid import UUID
 
@@ -16,19 +18,21 @@ from bpn_dashboard.registry.dispatcher import Dispatcher
 from bpn_dashboard.registry.election import Candidate
 from bpn_dashboard.registry.leases import Place
 from bpn_dashboard.registry.releases import Releases
-from bpn_shared import keys, leased, watchdog
+from bpn_shared.bus import keys
 from bpn_shared.bus.requests import RefusedError, Responder, request
 from bpn_shared.bus.session import Bus
-from bpn_shared.config import ConfigError, RunConfig
-from bpn_shared.leased import LeaseLoop
+from bpn_shared.counters import Counters
 from bpn_shared.messages.lease import GiveBack, LeaseRequest, Role
-from bpn_shared.service import Counters
+from bpn_shared.runtime import leased, watchdog
+from bpn_shared.runtime.leased import LeaseLoop
+from bpn_shared.runtime.worker import Worker, WorkerProcess
+from bpn_shared.spec.config import ConfigError, RunConfig
 from bpn_shared.version import PROTOCOL
-from bpn_shared.worker import Worker, WorkerProcess
 
 CONFIG = RunConfig.for_task("reaching", iterations=3)
 REASON = "cvi needs ONNX Runtime, which is not installed"
 Hire = Callable[[Role], Puppet]
+GOLDEN = Path(__file__).parents[1] / "golden"
 
 
 @pytest.fixture
@@ -110,6 +114,28 @@ def test_a_worker_of_another_protocol_is_refused_with_a_sentence(
     newer = msgpack.packb({**msgpack.unpackb(asked.encode()), "schema": 99})
     with pytest.raises(RefusedError, match="schema 99, this program"):
         request(edge.bus, keys.lease_request(), newer, timeout_s=5.0)
+
+
+@pytest.mark.usefixtures("impatient")
+def test_a_worker_of_an_older_protocol_that_was_told_its_run_by_hand_is_named_at_the_run(
+    registry: Registry, hire: Hire, wait_for: WaitFor
+) -> None:
+    """It asks for no work, but it tells how it is: here as an edge of protocol 1 (of commit c1cfefb) once did."""
+    told = (GOLDEN / "protocol-1" / "telemetry.msgpack").read_bytes()
+    row = registry.store.create(CONFIG, actor="test")
+    learner = hire("learner")
+    learner.work(wait_for)
+    registry.store.folder(row.id).set_state("running", new_attempt=True)
+    sentence = "edge edge-b2d36365fab3 speaks protocol 1 (a bpn that does not tell its version)"
+
+    def named() -> bool:
+        learner.bus.zenoh.put(keys.telemetry("edge", "edge-b2d36365fab3"), told)
+        learner.report(row.id)
+        return sentence in registry.store.get(row.id).waiting_reason
+
+    wait_for(named, "the old edge to be named")
+    (refused,) = registry.running.refused()
+    assert refused.reason.startswith(sentence)
 
 
 def test_a_refused_worker_says_so_and_asks_seldom(
@@ -208,7 +234,7 @@ def test_of_two_registries_on_a_router_one_serves_and_the_other_takes_over(
 ) -> None:  # fmt: skip
     monkeypatch.setattr("bpn_dashboard.registry.election.SETTLE_S", 0.2)
     monkeypatch.setattr("bpn_dashboard.registry.election.MISSED_S", 0.2)
-    first = Candidate(registry.bus, "dashboard-b", lambda _: None)
+    first = Candidate(registry.bus, "dashboard-b", lambda _: None, Counters())
     wait_for(lambda: first.serves, "the first to serve")
     told: list[bool] = []
     bus = open_bus()
@@ -219,7 +245,7 @@ def test_of_two_registries_on_a_router_one_serves_and_the_other_takes_over(
         other.lead(leading)
         told.append(leading)
 
-    second = Candidate(bus, "dashboard-a", lead)
+    second = Candidate(bus, "dashboard-a", lead, Counters())
     wait_for(lambda: second.rival, "the second to see the first")
     assert "serves this router: read-only" in str(second.rival)
     assert not told
@@ -234,8 +260,29 @@ def test_of_two_registries_on_a_router_one_serves_and_the_other_takes_over(
     other.close()
 
 
+def test_rounds_that_fail_are_told_once_and_why_nobody_gets_work(
+    registry: Registry,
+    wait_for: WaitFor,
+    monkeypatch: pytest.MonkeyPatch,
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    def none_left(_folder: Path) -> None:
+        raise OSError(errno.EMFILE, "Too many open files")
+
+    wait_for(lambda: registry.running.trouble is None, "the first round")
+    monkeypatch.setattr(dispatching, "_SERVED_WITHIN_S", 0.5)
+    with monkeypatch.context() as full:
+        full.setattr("bpn_dashboard.registry.index.candidates", none_left)
+        full.setattr(dispatching, "ADOPT_S", 0.0)
+        registry.running._adopt_at_s = 0.0
+        wait_for(lambda: "Too many open files" in str(registry.running.trouble), "the trouble")
+        wait_for(lambda: registry.counters.snapshot()["rounds_failed"] > 5, "more rounds")
+        assert sum(record.exc_info is not None for record in caplog.records) == 1
+    wait_for(lambda: registry.running.trouble is None, "the rounds to go on")
+
+
 def test_workers_that_do_not_let_go_delay_nobody(open_bus: Callable[[], Bus]) -> None:
-    releases = Releases(open_bus())
+    releases = Releases(open_bus(), Counters())
     places = [(Place(UUID(int=1), "edge", slot), f"edge-{slot}", "over") for slot in range(40)]
     begin_s = time.monotonic()
     for _ in range(10):

@@ -9,13 +9,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from bpn_learner.reward import rewards
+from bpn_robot.robot import Robot
 from bpn_robot_sim.pan_tilt import backdrop, geometry, scene
 from bpn_robot_sim.physics import Physics
 from bpn_robot_sim.rendering import Camera
-from bpn_robot_sim.robot import Robot, make_robot
-from bpn_shared.framing import reward_px
-from bpn_shared.markers import PAN_TILT_MARKER, TRACKING_TARGET
-from bpn_shared.tasks import TASKS
+from bpn_robot_sim.robots import make_robot
+from bpn_shared.spec.framing import reward_px
+from bpn_shared.spec.markers import PAN_TILT_MARKER, TRACKING_TARGET
+from bpn_shared.spec.tasks import TASKS
 
 ERROR_PX = 1.5
 COLOURS = {"tracking": TRACKING_TARGET.rgb, "pan_tilt": PAN_TILT_MARKER.rgb}

@@ -9,17 +9,17 @@ import pytest
 from learner_side import RUN
 from loop_parts import Running
 
-from bpn_robot_sim import service as robot_sim
-from bpn_robot_sim.robot import make_robot
-from bpn_shared import keys
-from bpn_shared.bus.ask import ask
+from bpn_robot_sim import worker as robot_sim
+from bpn_robot_sim.robots import make_robot
+from bpn_shared.bus import keys
 from bpn_shared.bus.latest import DirectSubscriber, LatestPublisher
 from bpn_shared.bus.session import Bus
-from bpn_shared.config import RunConfig
 from bpn_shared.messages.action import Action
 from bpn_shared.messages.control import Reset, ResetReply
 from bpn_shared.messages.frame import NO_ACTION, FrameHeader, FrameKind, decode_frame
-from bpn_shared.service import Waiting
+from bpn_shared.runtime.ask import ask
+from bpn_shared.spec.config import RunConfig
+from bpn_shared.waiting import Waiting
 
 LOCKSTEP = RunConfig.for_task("reaching", nodes=16, steps=3)
 REALTIME = RunConfig.for_task("tracking", nodes=16, steps=4, pacing="realtime")
@@ -181,7 +181,7 @@ def test_a_camera_that_shows_nothing_is_refused_at_the_start(
 ) -> None:
     from bpn_robot_sim.reaching.robot import ReachingRobot
     from bpn_robot_sim.rendering import RenderingError
-    from bpn_robot_sim.robot import robot_for
+    from bpn_robot_sim.robots import robot_for
 
     robot_for(LOCKSTEP.task_spec).close()
     black: Any = np.zeros((1, 84, 84), np.uint8)

@@ -14,7 +14,8 @@ from counting_proxy import CountingProxy
 
 from bpn_shared.bus.router_watch import RouterLostError, RouterWatch
 from bpn_shared.bus.session import Bus
-from bpn_shared.service import Counters, Waiting
+from bpn_shared.counters import Counters
+from bpn_shared.waiting import Waiting
 
 WaitFor = Callable[..., None]
 RunningRouter = Callable[[str], contextlib.AbstractContextManager[None]]
@@ -113,7 +114,8 @@ FROZEN = """
 import sys, threading
 from bpn_shared.bus.router_watch import RouterLostError, RouterWatch
 from bpn_shared.bus.session import Bus
-from bpn_shared.service import Counters, Waiting
+from bpn_shared.counters import Counters
+from bpn_shared.waiting import Waiting
 
 stop = threading.Event()
 with Bus(sys.argv[1]) as bus, RouterWatch(bus, Waiting(), Counters(), period_s=0.1) as watch:

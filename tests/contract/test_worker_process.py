@@ -17,8 +17,8 @@ RUN = "00000000-0000-0000-0000-000000000001"
 PROGRAM = """
 import sys
 from pathlib import Path
-from bpn_shared.entry import argument_parser, run_worker
-from bpn_shared.worker import EXIT_FINISHED
+from bpn_shared.runtime.entry import argument_parser, run_worker
+from bpn_shared.runtime.worker import EXIT_FINISHED
 
 def serve(worker):
     how = sys.argv[2]

@@ -9,6 +9,7 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
+from uuid import UUID
 
 import httpx
 import pytest
@@ -19,8 +20,9 @@ from bpn.cli import main
 from bpn.dashboard import Dashboard
 from bpn_certificates.authority import Validity, issue, new_authority
 from bpn_dashboard.state_lock import ADDRESS_FILE
-from bpn_shared.config import RunConfig
 from bpn_shared.runs.folder import RunFolder
+from bpn_shared.runs.trash import Trash
+from bpn_shared.spec.config import RunConfig
 
 DEADLINE_S = 60.0
 
@@ -134,7 +136,25 @@ def test_runs_are_started_listed_and_exported_from_the_command_line(
             return ",0,0.5" in output.read_text()
 
         wait_for(exported, "the point in the export", DEADLINE_S)
-    assert "bpn up" in bpn("ls", status=2)
+        rest_of_id = made["id"][-8:]
+        (removed,) = json.loads(bpn("rm", rest_of_id, "--json"))
+        assert (removed["id"], removed["removed_by"]) == (made["id"], "local commands")
+        assert "is in the trash: `bpn runs restore" in bpn("rm", rest_of_id, status=2)
+        assert [item["id"] for item in json.loads(bpn("trash", "--json"))] == [made["id"]]
+        assert json.loads(bpn("ls", "--json")) == []
+        assert json.loads(bpn("restore", rest_of_id, "--json"))[0]["name"] == "mine"
+
+        def seen() -> list[str]:
+            return [item["id"] for item in json.loads(bpn("ls", "--json"))]
+
+        assert seen() == [made["id"]]
+        Trash(tmp_path).put(made["id"], "another machine")  # which does not find the dashboard
+        assert "is in the trash" in bpn("rm", rest_of_id, status=2)
+        (pruned,) = json.loads(bpn("restore", rest_of_id, "--json"))
+        assert json.loads(bpn("prune", "--keep", "0", "--json"))[0]["id"] == pruned["id"]
+        assert json.loads(bpn("empty-trash", "--json")) == [{"id": made["id"]}]
+    assert "bpn up" in bpn("start", "reaching", status=2)
+    assert json.loads(bpn("ls", "--json")) == []
 
 
 def test_the_first_run_is_started_once_and_metrics_have_a_token_of_their_own(
@@ -164,7 +184,7 @@ def test_database_and_token_can_be_kept_from_those_who_share_the_runs(tmp_path, 
             _,
         ):
             (run,) = client.get("/api/v1/runs").json()["items"]
-            assert {path.name for path in runs.iterdir()} == {run["id"]}
+            assert {path.name for path in runs.iterdir()} == {run["id"], ".trash"}
             assert oct((state / ADDRESS_FILE).stat().st_mode)[-3:] == "600"
 
 
@@ -215,7 +235,8 @@ def test_it_is_ready_while_workers_can_be_given_work(
         assert "not reached yet" in obstacle()
         with running_router(free_tcp_endpoint):
             wait_for(lambda: not obstacle(), "the dashboard to be ready", DEADLINE_S)
-        wait_for(lambda: "is lost" in obstacle(), "the lost router to be told", DEADLINE_S)
+        lost = f"the connection to the router at {free_tcp_endpoint} is lost: nobody listens"
+        wait_for(lambda: lost in obstacle(), "the lost router to be told, and why", DEADLINE_S)
         assert client.get("/healthz").is_success  # its pages are served all the same
 
 
@@ -299,9 +320,52 @@ def test_a_damaged_database_is_one_line_with_the_remedy(tmp_path, wait_for, offs
     assert "reindex" in line
 
 
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (["--runs-dir", "/proc/none"], "No such file or directory: /proc/none"),
+        (["--runs-dir", "FILE"], "File exists: FILE"),
+        (["--state-dir", "/proc/none"], "No such file or directory: /proc/none"),
+        (["--metrics-token", "/proc/none"], "/proc/none"),
+        (["--connect", "router"], "'router' is no endpoint of a router: give tcp/HOST:PORT"),
+        (["--connect", "tcp/127.0.0.1:70000"], "port 70000 is above 65535"),
+    ],
+)
+def test_what_cannot_be_used_is_one_line_that_names_it(tmp_path, options, said: str) -> None:
+    (tmp_path / "file").touch()
+    file = str(tmp_path / "file")
+    given = {"--runs-dir": str(tmp_path / "runs")} | {options[0]: options[1].replace("FILE", file)}
+    line = refused(*(part for option in given.items() for part in option))
+    assert said.replace("FILE", file) in line
+
+
 def test_a_router_that_needs_certificates_is_refused_at_once_without_them(tmp_path) -> None:
     options = ("--runs-dir", str(tmp_path), "--connect", "tls/127.0.0.1:7999")
     assert "needs certificates" in refused(*options, environment={"BPN_CERTIFICATES": ""})
+
+
+def test_a_second_dashboard_on_a_router_never_takes_a_run_not_even_in_its_first_moment(
+    tmp_path, wait_for, endpoint: str
+) -> None:
+    run, runs = {"config": {"task": "reaching"}}, tmp_path / "two"
+    with dashboard(tmp_path / "one", wait_for, "--connect", endpoint) as (first, one, _):
+        wait_for(lambda: one.get("/readyz").is_success, "the first to serve", DEADLINE_S)
+        folder = RunFolder.create(
+            runs, UUID("01a201f9-821b-74c6-95eb-3f4ab1331c4c"), RunConfig.for_task("reaching")
+        )
+        folder.write("about.json", b'{"desired_state": "running"}')
+        sentence = f"pid {first.pid}) serves this router: read-only"
+        with dashboard(runs, wait_for, "--connect", endpoint) as (_, two, _):
+            for _ in range(40):
+                answer = two.post("/api/v1/runs", json=run)
+                assert answer.status_code == 409
+                assert sentence in answer.json()["detail"]
+            assert two.get("/api/v1/runs").json()["total"] == 1
+
+            def waits_for() -> str:
+                return two.get(f"/api/v1/runs/{folder.run}").json()["waiting_reason"]
+
+            wait_for(lambda: sentence in waits_for(), "the reason at its own run", DEADLINE_S)
 
 
 def test_of_two_dashboards_on_a_router_the_second_is_read_only_until_the_first_is_gone(

@@ -17,9 +17,9 @@ from bpn.evaluation.trials import Trials, play
 from bpn_shared.bnn import golden
 from bpn_shared.bnn.blob import WeightBlob
 from bpn_shared.messages.episode import Episode
-from bpn_shared.observation import stack
 from bpn_shared.runs.folder import RunFolder
-from bpn_shared.seeds import action_uniforms
+from bpn_shared.spec.observation import stack
+from bpn_shared.spec.seeds import action_uniforms
 
 STEPS, HOLD, PERIOD_MS = 12, 3, 145
 DELAY_MS = 2.76 * PERIOD_MS

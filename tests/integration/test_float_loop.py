@@ -15,10 +15,10 @@ from onnx.reference import ReferenceEvaluator
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
 from bpn.verify.verification import Verification
-from bpn_shared.float_weights import FloatWeights
+from bpn_shared.bnn.float_weights import FloatWeights
+from bpn_shared.bnn.weights import decode_weights
 from bpn_shared.messages.episode import Episode
 from bpn_shared.runs.folder import RunFolder
-from bpn_shared.weights import decode_weights
 
 Train = Callable[..., dict[str, Any]]
 OPTIONS = [

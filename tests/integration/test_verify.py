@@ -12,8 +12,8 @@ import pytest
 from bpn.verify.findings import CHECKS, Difference, Findings
 from bpn.verify.verification import Verification
 from bpn_shared.bnn.blob import WeightBlob
-from bpn_shared.config import RunConfig
 from bpn_shared.runs.folder import RunFolder
+from bpn_shared.spec.config import RunConfig
 
 Command = Callable[..., list[str]]
 Train = Callable[..., dict[str, Any]]

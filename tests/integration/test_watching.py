@@ -12,15 +12,15 @@ from bpn.options import given_run_options
 from bpn.summary import summarize
 from bpn.supervisor import Supervisor, services_of_run
 from bpn_dashboard.hub.topology import Link, Topology, TopologySnapshot
-from bpn_shared import keys
+from bpn_shared.bus import keys
 from bpn_shared.bus.liveliness import TokenWatch
 from bpn_shared.bus.session import Bus
 from bpn_shared.bus.telemetry import TelemetryWatch
 from bpn_shared.bus.watch import Watch
-from bpn_shared.config import RunConfig
+from bpn_shared.counters import Counters
 from bpn_shared.messages.decision import Decision
 from bpn_shared.messages.preview import PreviewHeader, check_pixels
-from bpn_shared.service import Counters
+from bpn_shared.spec.config import RunConfig
 
 
 @pytest.fixture(scope="module")

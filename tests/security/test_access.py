@@ -12,12 +12,12 @@ from pathlib import Path
 import pytest
 import zenoh
 
-from bpn_shared import keys
-from bpn_shared.access import CHANNELS, ENVELOPE_BYTES, ROLES, Channel, Role, grants
+from bpn_shared.bus import keys
+from bpn_shared.bus.access import CHANNELS, ENVELOPE_BYTES, ROLES, Channel, Role, grants
 from bpn_shared.bus.requests import Responder
 from bpn_shared.bus.router_config import render, secure
 from bpn_shared.bus.session import Bus
-from bpn_shared.service import Counters
+from bpn_shared.counters import Counters
 
 OpenAs = Callable[[str], Bus]
 WaitFor = Callable[..., None]

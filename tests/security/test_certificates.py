@@ -13,7 +13,7 @@ from bpn_certificates import authority as x509
 from bpn_certificates.authority import Identity, Validity
 from bpn_certificates.command import main
 from bpn_certificates.folders import make
-from bpn_shared.access import ROLES, ROUTER
+from bpn_shared.bus.access import ROLES, ROUTER
 from bpn_shared.bus.certificates import (
     AUTHORITY,
     CERTIFICATE,

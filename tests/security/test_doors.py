@@ -11,7 +11,8 @@ import pytest
 from bpn_shared.bus.router import configure, endpoints, is_local
 from bpn_shared.bus.router_config import render, secure
 from bpn_shared.bus.session import DEFAULT_ENDPOINT, Bus
-from bpn_shared.config import ConfigError
+from bpn_shared.errors import InputError
+from bpn_shared.spec.config import ConfigError
 
 LOCAL = ["tcp/127.0.0.1:7447", "tcp/[::1]:7447", "tcp/localhost:1", "unixsock-stream//tmp/x.sock"]
 OPEN = ["tcp/0.0.0.0:7447", "tcp/[::]:7447", "tcp/router:7447", "ws/10.0.0.1:80", "udp/0.0.0.0:1"]
@@ -45,6 +46,19 @@ def test_a_file_that_says_nothing_of_endpoints_does_not_open_zenohs_default(tmp_
     file.write_text('{mode: "router"}')
     with pytest.raises(ConfigError, match="7447"):
         configure(None, file)
+
+
+def test_what_is_no_endpoint_or_file_is_named(tmp_path: Path) -> None:
+    damaged = tmp_path / "router.json5"
+    damaged.write_text("{mode:")
+    for file in (tmp_path / "none.json5", damaged):
+        with pytest.raises(InputError, match=file.name):
+            configure(None, file)
+    for wrong in ("router", "tcp/127.0.0.1:70000"):
+        with pytest.raises(InputError, match=wrong):
+            configure(wrong)
+        with pytest.raises(InputError, match=wrong):
+            configure(None, upstream=wrong)
 
 
 def test_router_and_services_listen_on_loopback_alone(

@@ -10,6 +10,7 @@ import onnx
 import onnxruntime
 import pytest
 import torch
+from geometries import geometries
 from hypothesis import given
 from hypothesis import strategies as st
 from onnx import ModelProto, TensorProto, helper, numpy_helper
@@ -19,11 +20,11 @@ from bpn_edge.kernel.onnx_admission import admit
 from bpn_edge.memory import WeightMemory
 from bpn_learner.export import export
 from bpn_learner.networks import make_network
-from bpn_shared.bnn.blob import BlobError
-from bpn_shared.bnn.spec import NetworkSpec
-from bpn_shared.config import RunConfig
-from bpn_shared.float_weights import FloatWeights
-from bpn_shared.service import Counters
+from bpn_shared.bnn.envelope import BlobError
+from bpn_shared.bnn.float_weights import FloatWeights
+from bpn_shared.counters import Counters
+from bpn_shared.spec.config import RunConfig
+from bpn_shared.spec.network import NetworkSpec
 
 SPEC = NetworkSpec(1, 8, 4)
 
@@ -42,10 +43,7 @@ GOOD = exported()
 
 
 @given(
-    spec=st.builds(
-        NetworkSpec,
-        channels=st.integers(1, 6), nodes=st.integers(1, 64), actions=st.integers(2, 40),
-    ),
+    spec=geometries(range(1, 7), 64, 40),
     seed=st.integers(0, 2**31),
 )  # fmt: skip
 def test_every_export_of_a_learner_is_admitted(spec: NetworkSpec, seed: int) -> None:

@@ -13,15 +13,22 @@ from bpn_certificates import authority as x509
 from bpn_certificates.authority import Identity, Validity
 from bpn_certificates.folders import make
 from bpn_shared.backoff import Backoff
-from bpn_shared.bus.ask import ask
-from bpn_shared.bus.certificates import CERTIFICATE, FOLDER_VARIABLE, KEY, CertificateFiles
+from bpn_shared.bus.certificates import (
+    AUTHORITY,
+    CERTIFICATE,
+    FOLDER_VARIABLE,
+    KEY,
+    CertificateFiles,
+)
 from bpn_shared.bus.obstacle import obstacle
 from bpn_shared.bus.renewal import CertificateWatch
 from bpn_shared.bus.requests import Responder
 from bpn_shared.bus.router_watch import RouterWatch
 from bpn_shared.bus.session import Bus
 from bpn_shared.bus.x509 import facts_of
-from bpn_shared.service import Counters, Waiting
+from bpn_shared.counters import Counters
+from bpn_shared.runtime.ask import ask
+from bpn_shared.waiting import Waiting
 
 WaitFor = Callable[..., None]
 LIFE_S = 24.0
@@ -168,6 +175,28 @@ def test_the_end_is_announced_once_a_day_and_from_then_on_once_an_hour(
     assert watch.renewed()
     assert not watch.renewed()
     assert days_of_warnings(3) == []
+
+
+def test_the_authoritys_end_is_announced_too(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    now = datetime.datetime.now(datetime.UTC)
+
+    def validity(days_ago: float, days_left: float) -> Validity:
+        day = datetime.timedelta(days=1)
+        return Validity(now - days_ago * day, now + days_left * day)
+
+    authority = x509.new_authority("bpn authority", validity(3630, 20))
+    for own_days in (300, 5):  # it ends later; it is renewed all the time
+        caplog.clear()
+        own = x509.issue(authority, "edge", validity(own_days / 10, own_days))
+        _write(tmp_path, own, authority)
+        watch = CertificateWatch(CertificateFiles.in_folder(tmp_path))
+        watch.warn()
+        assert f"{AUTHORITY} ends in 20.0 days" in caplog.text
+        assert watch.life is not None
+        assert 19.9 < watch.life.left(now) / datetime.timedelta(days=1) <= 20
+        assert watch.life.is_near_end(now)
 
 
 def test_half_a_renewal_and_a_wrong_one_are_left_alone(tmp_path: Path) -> None:

@@ -14,8 +14,8 @@ from secure_router import SecureRouter
 
 from bpn_shared.bus.certificates import FOLDER_VARIABLE
 from bpn_shared.bus.router_config import render, secure
-from bpn_shared.config import RunConfig
 from bpn_shared.runs.folder import RunFolder
+from bpn_shared.spec.config import RunConfig
 
 CONFIG = RunConfig.for_task(
     "reaching",

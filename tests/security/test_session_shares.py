@@ -1,18 +1,16 @@
 """One certificate that opens sessions without end: the others' services still get theirs."""
 
 import os
-import signal
 import socket
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
-from pathlib import Path, PurePosixPath
+from pathlib import Path
+from typing import Any
 
 import pytest
-from secure_router import SecureRouter
+from secure_router import SecureRouter, secure_router
 
-from bpn_certificates.folders import make
-from bpn_shared.bus.router_config import render, secure
 from bpn_shared.bus.session import Bus
 from bpn_shared.bus.session_shares import address_of, end_connection
 
@@ -24,23 +22,13 @@ def small_router(
     tmp_path_factory: pytest.TempPathFactory, free_tcp_port: Callable[[], int]
 ) -> Iterator[SecureRouter]:
     """A router with certificates that takes twelve sessions."""
-    folder = tmp_path_factory.mktemp("certificates")
-    make(folder, days=1, server_names=["localhost"])
+
+    def make_small(config: Any) -> None:
+        config["transport"]["unicast"]["max_sessions"] = SESSIONS
+
     endpoint = f"tls/localhost:{free_tcp_port()}"
-    config = secure(endpoint, PurePosixPath(folder / "router"))
-    config["transport"]["unicast"]["max_sessions"] = SESSIONS
-    file = folder / "router.json5"
-    file.write_text(render(config))
-    process = subprocess.Popen(
-        [sys.executable, "-m", "bpn_shared.bus.router", "--config", str(file)]
-    )
-    secured = SecureRouter(endpoint, folder)
-    try:
-        secured.open_as("dashboard").close()  # it waits until the router is there
+    with secure_router(tmp_path_factory.mktemp("certificates"), endpoint, make_small) as secured:
         yield secured
-    finally:
-        process.send_signal(signal.SIGTERM)
-        process.wait(10)
 
 
 ATTACK = """

@@ -16,9 +16,9 @@ import pytest
 from bpn.dashboard import Dashboard
 from bpn_certificates.authority import Validity, issue, new_authority
 from bpn_dashboard.access.connections import Connections
-from bpn_shared.config import RunConfig
+from bpn_shared.counters import Counters
 from bpn_shared.runs.folder import RunFolder
-from bpn_shared.service import Counters
+from bpn_shared.spec.config import RunConfig
 
 DESCRIPTORS = 1024
 HALF_OPEN = 1100

@@ -26,13 +26,13 @@ from bpn_shared.bus.certificates import (
     FOLDER_VARIABLE,
     KEY,
     CertificateFiles,
-    days_left,
 )
-from bpn_shared.bus.obstacle import obstacle, plain
+from bpn_shared.bus.obstacle import obstacle, plain, router_certificate
 from bpn_shared.bus.session import Bus, BusError
-from bpn_shared.bus.x509 import facts
+from bpn_shared.bus.x509 import Life, facts, facts_of
 
 DAY = Validity.of_days(1)
+DAY_LONG = datetime.timedelta(days=1)
 AUTHORITY_IDENTITY = x509.new_authority("bpn authority", DAY)
 ROUTER_DER = x509.issue(
     AUTHORITY_IDENTITY, "router", DAY, server_names=["a.example", "::1"]
@@ -194,12 +194,29 @@ def test_damaged_certificates_are_refused_or_read_and_nothing_else(data: st.Data
         assert {read.start.tzinfo, read.end.tzinfo} == {datetime.UTC}
 
 
-def test_days_left(tmp_path: Path) -> None:
+def test_the_life_of_a_certificate(tmp_path: Path) -> None:
     make(tmp_path, days=3, server_names=["router"])
-    assert 2.99 < days_left(tmp_path / "edge" / CERTIFICATE) <= 3
-    assert 3649 < days_left(tmp_path / "edge" / AUTHORITY) <= 3650
+
+    def days_left(file: str) -> float:
+        return (
+            facts_of(tmp_path / "edge" / file).life.left(datetime.datetime.now(datetime.UTC))
+            / DAY_LONG
+        )
+
+    assert 2.99 < days_left(CERTIFICATE) <= 3
+    assert 3649 < days_left(AUTHORITY) <= 3650
     with pytest.raises(ValueError, match="holds no certificate"):
-        days_left(tmp_path / "edge" / KEY)
+        days_left(KEY)
+
+
+@given(st.integers(1, 4000), st.floats(-10.0, 4000.0))
+def test_the_end_is_near_from_thirty_days_on_and_for_the_last_quarter_of_a_short_life(
+    life_days: int, left_days: float
+) -> None:
+    now = datetime.datetime(2026, 1, 1, tzinfo=datetime.UTC)
+    end = now + left_days * DAY_LONG
+    near = (end - now) / DAY_LONG < min(30, life_days / 4)
+    assert Life(end - life_days * DAY_LONG, end).is_near_end(now) == near
 
 
 @pytest.mark.parametrize(
@@ -211,3 +228,14 @@ def test_days_left(tmp_path: Path) -> None:
 )
 def test_places_in_source_code_are_left_out(said: str) -> None:
     assert plain(RuntimeError(said)) in ("no link!", "no link! [a]")
+
+
+def test_what_a_router_shows_can_be_looked_at_without_being_let_in(
+    router: SecureRouter, free_tcp_endpoint: str
+) -> None:
+    shown = router_certificate(router.endpoint)
+    assert shown == facts_of(router.certificates / "router" / CERTIFICATE)
+    nobody = free_tcp_endpoint.replace("tcp/", "tls/")
+    assert [router_certificate(e) for e in (nobody, "tls/[::1:1", "tcp/127.0.0.1:1", "")] == [
+        None
+    ] * 4

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from bpn_shared.access import ROLES
+from bpn_shared.bus.access import ROLES
+from bpn_shared.version import VERSION
 
 ROOT = Path(__file__).parents[2]
 BUILD_TIMEOUT_S = 1800
@@ -27,21 +28,32 @@ def docker(*arguments: str, timeout_s: float = COMMAND_TIMEOUT_S) -> str:
     Raises:
         EngineError: it failed or hung; the message has what it said.
     """
+    return _run(["docker", *arguments], timeout_s)
+
+
+def build_images() -> None:
+    """The images of the sources as they are.
+
+    Raises:
+        EngineError: one cannot be built; the message has why.
+    """
+    _run(["make", "images"], BUILD_TIMEOUT_S)
+
+
+def image(service: str) -> str:
+    """The image of a service as compose.yaml calls it."""
+    return f"bpn-{service.replace('_', '-')}:{VERSION}"
+
+
+def _run(words: list[str], timeout_s: float) -> str:
     try:
         done = subprocess.run(
-            ["docker", *arguments],
-            capture_output=True,
-            text=True,
-            timeout=timeout_s,
-            check=False,
-            cwd=ROOT,
+            words, capture_output=True, text=True, timeout=timeout_s, check=False, cwd=ROOT
         )
     except subprocess.TimeoutExpired as error:
-        raise EngineError(
-            f"docker {' '.join(arguments)}: no answer in {timeout_s:.0f} s"
-        ) from error
+        raise EngineError(f"{' '.join(words)}: no answer in {timeout_s:.0f} s") from error
     if done.returncode != 0:
-        raise EngineError(f"docker {' '.join(arguments)}\n{done.stdout}{done.stderr}")
+        raise EngineError(f"{' '.join(words)}\n{done.stdout}{done.stderr}")
     return done.stdout
 
 
@@ -98,6 +110,15 @@ class Project:
         address = self.compose("exec", "-T", "dashboard", "cat", "/state/.dashboard.json")
         token: str = json.loads(address)["token"]
         return token
+
+    def metrics(self, token: str) -> str:
+        """What the dashboard tells Prometheus."""
+        request = urllib.request.Request(
+            f"http://127.0.0.1:{self.port}/metrics", headers={"Authorization": f"Bearer {token}"}
+        )
+        with urllib.request.urlopen(request, timeout=20) as answer:
+            said: bytes = answer.read()
+            return said.decode()
 
     def api(
         self, method: str, path: str, body: dict[str, Any] | None = None, token: str | None = None

@@ -20,12 +20,12 @@ from bpn_edge.kernel.native import NativeKernel
 from bpn_edge.kernel.onnx_admission import admit
 from bpn_learner.export import export
 from bpn_learner.networks import make_network
-from bpn_shared import log_lines
-from bpn_shared.bnn.blob import BlobError, WeightBlob
-from bpn_shared.bnn.spec import NetworkSpec
+from bpn_shared.bnn.blob import WeightBlob
+from bpn_shared.bnn.envelope import BlobError
+from bpn_shared.bnn.float_weights import FloatWeights
+from bpn_shared.bnn.weights import decode_weights
 from bpn_shared.bus.logs import as_said_by
-from bpn_shared.config import ConfigError, RunConfig
-from bpn_shared.float_weights import FloatWeights
+from bpn_shared.messages import log_lines
 from bpn_shared.messages.action import Action
 from bpn_shared.messages.base import Message, MessageError
 from bpn_shared.messages.control import (
@@ -45,13 +45,20 @@ from bpn_shared.messages.meeting import MeetingReply, MeetingRequest
 from bpn_shared.messages.metrics import MetricsBatch, Point
 from bpn_shared.messages.preview import PreviewHeader
 from bpn_shared.messages.probe import ProbeReply, ProbeRequest
-from bpn_shared.messages.telemetry import KeyTraffic, Percentiles, Telemetry, WeightsMark
+from bpn_shared.messages.telemetry import (
+    CertificateLife,
+    KeyTraffic,
+    Percentiles,
+    Telemetry,
+    WeightsMark,
+)
 from bpn_shared.runs.config_file import decode_config, encode_config
 from bpn_shared.runs.digests import DamagedError, seal, seal_line
 from bpn_shared.runs.lines import read_line
 from bpn_shared.runs.state import RunState, decode_state, encode_state
-from bpn_shared.tasks import task_named
-from bpn_shared.weights import decode_weights
+from bpn_shared.spec.config import ConfigError, RunConfig
+from bpn_shared.spec.network import NetworkSpec
+from bpn_shared.spec.tasks import task_named
 
 RUN = "0198c0de-0000-7000-8000-000000000001"
 TASK = task_named("reaching")
@@ -105,14 +112,14 @@ MESSAGES: list[Message] = [
         counters={"frames_refused": 1}, weights={"loaded": WeightsMark(attempt=1, version=2, time_ns=3)},
         latencies={"edge_us": Percentiles(count=1, p50_us=-1.5, p95_us=2.0, p99_us=2.0, max_us=9.0)},
         traffic=[KeyTraffic(key="a/b", direction="sent", messages=1, bytes=2, dropped=0)],
-        refusals={"frames_refused": "too large"},
+        refusals={"frames_refused": "too large"}, certificate=CertificateLife(start_unix_s=1.0, end_unix_s=2.5),
     ),
 ]  # fmt: skip
 META = EpisodeMeta(
     iteration=0, episode=0, seed=1, slot=0, worker="edge-0", weights_attempt=1, weights_version=0,
     terminated=False, deadline_misses=0, duration_ns=1,
 )  # fmt: skip
-INSIDE = {EpisodeMeta, GiveBack, Point, KeyTraffic, Percentiles, WeightsMark}
+INSIDE = {CertificateLife, EpisodeMeta, GiveBack, Point, KeyTraffic, Percentiles, WeightsMark}
 """Messages that travel within others."""
 
 
@@ -216,9 +223,10 @@ def decoders() -> list[Decoder]:
                 (ConfigError,), _resealed(seal)),
         Decoder("state.json", lambda d: decode_state(d, source="x"),
                 [encode_state(RunState(state="running", attempt=2))], (ConfigError,), _resealed(seal)),
-        Decoder("about.json", About.model_validate_json, [About(name="n").model_dump_json().encode()],
-                (ValidationError,)),
-        Decoder("sweep", SweepFile.model_validate_json, [orjson.dumps(sweep)], (ValidationError,)),
+        Decoder("about.json", About.decode, [seal(About(name="n").model_dump())],
+                (DamagedError, ValidationError), _resealed(seal)),
+        Decoder("sweep", SweepFile.decode, [seal(sweep), orjson.dumps(sweep)],
+                (DamagedError, ValidationError), _resealed(seal)),
         Decoder("line of a run", lambda d: read_line(d, sealed=False), [seal_line(record)],
                 (DamagedError, ValueError), _resealed(seal_line)),
         Decoder("progress", Record.model_validate_json, [seal_line(record)], (ValidationError,)),

@@ -7,16 +7,22 @@ from uuid import UUID
 
 import numpy as np
 
-from bpn_shared import keys
 from bpn_shared.bnn.blob import WeightBlob
+from bpn_shared.bus import keys
 from bpn_shared.bus.requests import Responder
 from bpn_shared.bus.session import Bus
 from bpn_shared.bus.weights import WeightsPublisher
-from bpn_shared.config import RunConfig
-from bpn_shared.messages.control import Assignment, EpisodeReceipt, Fault, FaultReceipt
+from bpn_shared.counters import Counters
+from bpn_shared.messages.control import (
+    Assignment,
+    EpisodeReceipt,
+    Fault,
+    FaultReceipt,
+    NextEpisode,
+)
 from bpn_shared.messages.episode import Episode
-from bpn_shared.seeds import episode_seed
-from bpn_shared.service import Counters
+from bpn_shared.spec.config import RunConfig
+from bpn_shared.spec.seeds import episode_seed
 
 RUN = UUID(int=21)
 DEADLINE_S = 30.0
@@ -28,6 +34,8 @@ class LearnerSide:
     Attributes:
         attempt, version: of the weights that the episode needs.
         hears: whether faults are answered.
+        disk: while it is cleared, no episode gets its receipt.
+        asked: what was asked for, in order.
     """
 
     def __init__(self, bus: Bus, config: RunConfig, *, version: int = 7) -> None:
@@ -35,12 +43,15 @@ class LearnerSide:
         self.weights = WeightsPublisher(bus, RUN)
         self.attempt, self.version, self.episode = 1, version, 0
         self.hears = True
+        self.disk = threading.Event()
+        self.disk.set()
+        self.asked: list[NextEpisode] = []
         self.delivered: list[Episode] = []
         self.faults: list[Fault] = []
         self._news = threading.Condition()
         answers: dict[str, Callable[[bytes], bytes]] = {
             keys.config(RUN): lambda _: config.model_dump_json().encode(),
-            keys.next_episode(RUN): lambda _: self.assignment().encode(),
+            keys.next_episode(RUN): self._assign,
             keys.episode(RUN): self._take,
             keys.fault(RUN): self._hear,
         }
@@ -66,7 +77,13 @@ class LearnerSide:
             epsilon=self._config.epsilon(0),
         )
 
+    def _assign(self, body: bytes) -> bytes:
+        with self._news:
+            self.asked.append(NextEpisode.decode(body))
+        return self.assignment().encode()
+
     def _take(self, body: bytes) -> bytes:
+        assert self.disk.wait(DEADLINE_S)
         episode = Episode.decode(body, self._config.task_spec)
         with self._news:
             self.delivered.append(episode)

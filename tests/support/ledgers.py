@@ -8,9 +8,10 @@ from typing import Any
 from played import CONFIG
 
 from bpn_learner.ledger import EpisodeLedger
+from bpn_shared.counters import Counters
 from bpn_shared.messages.control import NextEpisode
 from bpn_shared.runs.ownership import Ownership
-from bpn_shared.service import Counters, Waiting
+from bpn_shared.waiting import Waiting
 
 
 def make(owner: Ownership, alive: set[str] | None = None, **changes: Any) -> EpisodeLedger:

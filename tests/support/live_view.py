@@ -16,11 +16,11 @@ from websockets.sync.client import ClientConnection, connect
 from bpn_dashboard.hub.hub import Hub
 from bpn_dashboard.hub.protocol import LiveFrame
 from bpn_dashboard.hub.websocket import PATH
-from bpn_shared import keys
+from bpn_shared.bus import keys
 from bpn_shared.bus.latest import LatestPublisher
 from bpn_shared.bus.session import Bus
+from bpn_shared.counters import Counters
 from bpn_shared.messages.preview import PreviewHeader
-from bpn_shared.service import Counters
 
 OpenBus = Callable[[], Bus]
 WaitFor = Callable[..., None]

@@ -4,19 +4,20 @@ import threading
 from collections.abc import Callable
 
 import numpy as np
-from learner_side import RUN
+from learner_side import RUN, LearnerSide
 
-from bpn_shared import keys
+from bpn_edge import service as edge
+from bpn_shared.bus import keys
 from bpn_shared.bus.latest import LatestPublisher, LatestSubscriber
 from bpn_shared.bus.requests import Responder
 from bpn_shared.bus.session import Bus
-from bpn_shared.config import RunConfig
+from bpn_shared.counters import Counters
 from bpn_shared.messages.action import Action
 from bpn_shared.messages.control import Reset, ResetReply
 from bpn_shared.messages.frame import FrameHeader, FrameKind
 from bpn_shared.messages.lease import Role
-from bpn_shared.service import Counters
-from bpn_shared.worker import Worker
+from bpn_shared.runtime.worker import Worker
+from bpn_shared.spec.config import RunConfig
 
 
 class Running:
@@ -107,3 +108,35 @@ class EvilRobot:
     def end(self) -> None:
         self._stop.set()
         self._thread.join(10)
+
+
+def good(header: FrameHeader, _step: int) -> FrameHeader:
+    """Bends nothing."""
+    return header
+
+
+class Scene:
+    """An edge between a learner and a robot whose frames can be bent, each on a session of its own.
+
+    Attributes:
+        blob: the weights that the learner has published, as version 7.
+    """
+
+    def __init__(
+        self,
+        open_bus: Callable[[], Bus],
+        running: Callable[..., Running],
+        config: RunConfig,
+        bend: Headers = good,
+    ) -> None:
+        self._running, self._config = running, config
+        self.learner = LearnerSide(open_bus(), config)
+        self.blob = self.learner.publish(1, 7)
+        self.robot = EvilRobot(open_bus(), config, bend)
+
+    def begin(self) -> Running:
+        """Starts the edge."""
+        return self._running("edge", edge.serve, self._config)
+
+    def end(self) -> None:
+        self.robot.end()

@@ -10,7 +10,7 @@ from torch.nn import functional
 from bpn_learner.batch_norm import BATCH_NORM_EPSILON
 from bpn_learner.minibatch import Gradients
 from bpn_learner.networks import BinaryNetwork, FloatNetwork, PNetwork, dot_products
-from bpn_shared.bnn.spec import NetworkSpec
+from bpn_shared.spec.network import NetworkSpec
 
 TRANSITIONS = 12
 

@@ -8,12 +8,12 @@ from uuid import UUID
 
 import numpy as np
 
-from bpn_shared.config import RunConfig
-from bpn_shared.markers import HAND_LEVEL, TARGET_LEVEL
 from bpn_shared.messages.episode import Episode, EpisodeMeta
 from bpn_shared.runs.folder import RunFolder
 from bpn_shared.runs.ownership import Ownership
-from bpn_shared.seeds import episode_seed
+from bpn_shared.spec.config import RunConfig
+from bpn_shared.spec.markers import HAND_LEVEL, TARGET_LEVEL
+from bpn_shared.spec.seeds import episode_seed
 
 CONFIG = RunConfig.for_task(
     "reaching", seed=3, iterations=4, episodes=4, steps=2, epochs=1, batch=2, nodes=1, datasets=2

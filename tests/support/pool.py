@@ -16,12 +16,12 @@ from uuid import UUID
 import psutil
 
 from bpn.dashboard import Dashboard
-from bpn_shared import keys
+from bpn_shared.bus import keys
 from bpn_shared.bus.liveliness import TokenWatch
 from bpn_shared.bus.requests import request
 from bpn_shared.bus.session import Bus
-from bpn_shared.config import RunConfig
 from bpn_shared.runs.folder import RunFolder
+from bpn_shared.spec.config import RunConfig
 
 LONG_S = 200.0
 

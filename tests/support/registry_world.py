@@ -8,14 +8,14 @@ from typing import Any
 from bpn_dashboard.database.tables import RunRow
 from bpn_dashboard.registry.dispatcher import Dispatcher
 from bpn_dashboard.registry.store import RunStore
-from bpn_shared import keys
+from bpn_shared.bus import keys
 from bpn_shared.bus.liveliness import AliveToken, Token
 from bpn_shared.bus.requests import Responder, request
 from bpn_shared.bus.session import Bus
+from bpn_shared.counters import Counters
 from bpn_shared.messages.lease import LeaseReply, LeaseRequest, Release, ReleaseReply, Role
 from bpn_shared.messages.telemetry import Telemetry
-from bpn_shared.service import Counters
-from bpn_shared.version import PROTOCOL
+from bpn_shared.version import PROTOCOL, VERSION
 
 WaitFor = Callable[..., None]
 
@@ -77,7 +77,7 @@ class Puppet:
             "kind": self.role, "worker": self.id, "run": run, "slot": 0, "host": "h", "clock": "c",
             "pid": 1, "time_ns": time.time_ns(), "uptime_s": 1.0, "waiting_for": None, "waiting_s": 0.0,
             "cpu_percent": 0.0, "rss_bytes": 0, "counters": {}, "weights": {}, "latencies": {},
-            "traffic": [],
+            "traffic": [], "version": VERSION, "protocol": PROTOCOL,
         }  # fmt: skip
         report = Telemetry(**(values | more))
         self.bus.zenoh.put(keys.telemetry(self.role, self.id), report.encode())

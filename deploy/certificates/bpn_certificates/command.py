@@ -9,7 +9,8 @@ import sys
 from pathlib import Path
 
 from bpn_certificates.folders import AUTHORITY_FOLDER, SERVER_NAMES, make
-from bpn_shared.access import ROLES, ROUTER
+from bpn_shared.bus.access import ROLES, ROUTER
+from bpn_shared.version_option import add_version_option
 
 DAYS, DAYS_AT_MOST = 365.0, 3650.0
 _FOLDER_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}")
@@ -18,6 +19,7 @@ _FOLDER_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}")
 def main(argv: list[str] | None = None) -> int:
     """Makes what is missing and says what it made. Exit status 1: the folder cannot be written."""
     parser = argparse.ArgumentParser(prog="bpn-certificates", description=__doc__)
+    add_version_option(parser)
     parser.add_argument("folder", type=Path, help="gets one folder for each role")
     parser.add_argument(
         "--days", type=float, default=DAYS, help="how long they are good (default %(default)s)"

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from bpn_certificates import authority as x509
 from bpn_certificates.authority import Identity, Validity
-from bpn_shared.access import ROLES, ROUTER
+from bpn_shared.bus.access import ROLES, ROUTER
 from bpn_shared.bus.certificates import AUTHORITY, CERTIFICATE, KEY
 
 AUTHORITY_FOLDER = "authority"

@@ -3,8 +3,10 @@
 import argparse
 import asyncio
 import logging
+import math
 import threading
-from collections.abc import AsyncIterator, Sequence
+import time
+from collections.abc import AsyncIterator, Collection, Sequence
 from contextlib import AsyncExitStack, asynccontextmanager
 from dataclasses import dataclass, field
 
@@ -15,16 +17,25 @@ from bpn_dashboard.hub import presence
 from bpn_dashboard.hub.hub import Hub
 from bpn_dashboard.hub.topology import Topology
 from bpn_dashboard.registry.dispatcher import Dispatcher
-from bpn_dashboard.registry.election import Candidate
+from bpn_dashboard.registry.election import MISSED_S, Candidate
 from bpn_dashboard.registry.versions import Refused
+from bpn_dashboard.registry.view import RegistryView
 from bpn_shared.backoff import Backoff
+from bpn_shared.bus.router_watch import RouterWatch
 from bpn_shared.bus.session import Bus, BusError
-from bpn_shared.config import ConfigError
-from bpn_shared.service import new_worker_id
+from bpn_shared.runtime.service import new_worker_id
+from bpn_shared.spec.config import ConfigError
+from bpn_shared.waiting import Waiting
 
 log = logging.getLogger(__name__)
 
 _AGAIN_S, _AGAIN_AT_MOST_S = 1.0, 30.0
+_JOINED_WITHIN_S = 2.0
+"""A router that is there is reached sooner, and the election begun."""
+_SETTLED_WITHIN_S = MISSED_S + 2.0
+"""Who wants to change something waits at most so long for the election."""
+_LOOK_S = 0.05
+_LOOKING = "looking whether another dashboard serves this router"
 
 
 @dataclass
@@ -33,29 +44,52 @@ class Live:
 
     Attributes:
         trouble: why it could not be joined, at the last try.
+        joining_s: since when it is being joined, on the monotonic clock.
     """
 
     bus: Bus | None = None
+    watch: RouterWatch | None = None
     hub: Hub | None = None
     dispatcher: Dispatcher | None = None
     candidate: Candidate | None = None
     topology: Topology = field(default_factory=Topology)
     trouble: str = ""
+    joining_s: float = -math.inf
 
     def obstacle(self) -> str | None:
         """What keeps workers from being given work; None: nothing."""
         if self.bus is None or self.dispatcher is None or self.candidate is None:
             return self.trouble or "the message bus is not reached yet"
         if not self.bus.connected:
-            return f"the connection to the router at {self.bus.endpoint} is lost"
+            why = "" if (watch := self.watch) is None or not watch.why else f": {watch.why}"
+            return f"the connection to the router at {self.bus.endpoint} is lost{why}"
         if not self.candidate.serves:
-            return self.read_only() or "looking whether another dashboard serves this router"
-        return None if self.dispatcher.alive else "the registry does not serve workers"
+            return self.read_only() or _LOOKING
+        trouble = self.dispatcher.trouble
+        return None if trouble is None else f"the registry does not serve workers: {trouble}"
 
     def read_only(self) -> str | None:
         """Why nothing may be changed here; None: it may."""
-        rival = None if self.candidate is None else self.candidate.rival
+        rival = None if (candidate := self.candidate) is None else candidate.rival
         return None if rival is None else str(rival)
+
+    def undecided(self) -> bool:
+        """Whether it has yet to be seen if another dashboard serves the router that is being joined, or was."""
+        if (candidate := self.candidate) is None:
+            return time.monotonic() - self.joining_s < _JOINED_WITHIN_S
+        return not candidate.settled
+
+    def refusal(self) -> str | None:
+        """Why nothing may be changed here, when that is decided, for which it waits a few seconds; None: it may.
+
+        Where no router is reached nobody else serves it: runs may be made, and wait for it.
+        """
+        deadline_s = time.monotonic() + _SETTLED_WITHIN_S
+        while self.undecided() and time.monotonic() < deadline_s:
+            time.sleep(_LOOK_S)
+        if (rival := self.read_only()) is not None:
+            return rival
+        return f"{self.obstacle() or _LOOKING}: try again" if self.undecided() else None
 
     def gpus(self) -> list[bool]:
         """Of the connected learners that have told, whether each has a GPU."""
@@ -65,11 +99,21 @@ class Live:
         """The workers that ask for work and cannot be used."""
         return [] if self.dispatcher is None else self.dispatcher.refused()
 
+    def registry(self) -> RegistryView:
+        """What the registry knows beside the rows."""
+        return RegistryView() if self.dispatcher is None else self.dispatcher.view()
+
     def publish(self, rows: Sequence[RunRow]) -> None:
         """Tells the pages that are open."""
         if (hub := self.hub) is not None:
             for row in rows:
                 hub.publish("runs", Run.of(row).model_dump(mode="json"))
+
+    def publish_gone(self, run_ids: Collection[str]) -> None:
+        """Tells them which runs are not there any more."""
+        if (hub := self.hub) is not None:
+            for run_id in run_ids:
+                hub.publish("runs", {"id": run_id, "removed": True})
 
 
 async def stay_joined(
@@ -78,6 +122,7 @@ async def stay_joined(
     """Runs what needs the bus until `stop` is set; what is raised is said, and tried again after a pause."""
     backoff = Backoff(_AGAIN_S, _AGAIN_AT_MOST_S)
     while not stop.is_set():
+        live.joining_s = time.monotonic()
         try:
             async with _joined(options, context, live, stop):
                 live.trouble = ""
@@ -104,18 +149,25 @@ async def _joined(
     async with AsyncExitStack() as stack:
         bus = await asyncio.to_thread(Bus, options.connect, deadline_s=float("inf"), stop=stop)
         stack.push_async_callback(asyncio.to_thread, bus.close)
+        live.joining_s = time.monotonic()
         name = new_worker_id(presence.KIND)
         live.hub = Hub(bus, options.runs_dir, context.counters, name, live.topology)
         stack.callback(live.hub.close)
-        present = presence.Presence(bus, name, context.counters)
+        waiting = Waiting()
+        watch = RouterWatch(bus, waiting, context.counters, certificates=False)  # told elsewhere
+        stack.push_async_callback(asyncio.to_thread, watch.close)
+        present = presence.Presence(bus, name, context.counters, waiting)
         stack.push_async_callback(asyncio.to_thread, present.close)
-        live.dispatcher = Dispatcher(bus, context.runs, context.counters, leading=False)
+        live.dispatcher = Dispatcher(
+            bus, context.runs, context.counters, leading=False, read_only=live.read_only,
+            why_lost=lambda: watch.why,
+        )  # fmt: skip
         stack.push_async_callback(asyncio.to_thread, live.dispatcher.close)
         await asyncio.to_thread(live.dispatcher.start)
-        live.candidate = Candidate(bus, name, live.dispatcher.lead)
+        live.candidate = Candidate(bus, name, live.dispatcher.lead, context.counters)
         stack.push_async_callback(asyncio.to_thread, live.candidate.close)
-        live.bus = bus
+        live.bus, live.watch = bus, watch
         try:
             yield
         finally:
-            live.bus = live.hub = live.dispatcher = live.candidate = None
+            live.bus = live.watch = live.hub = live.dispatcher = live.candidate = None

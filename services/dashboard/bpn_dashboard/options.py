@@ -5,13 +5,18 @@ import ssl
 from pathlib import Path
 from urllib.parse import urlsplit
 
-from bpn_dashboard.access.guard import is_loopback
 from bpn_dashboard.database.engine import sqlite_url
+from bpn_dashboard.registry.retention import Rule
+from bpn_shared.bus.address import is_loopback
 from bpn_shared.bus.certificates import client_tls
+from bpn_shared.bus.endpoint import check_endpoint
 from bpn_shared.bus.session import DEFAULT_ENDPOINT
-from bpn_shared.config import ConfigError
+from bpn_shared.runs.trash import KEPT_DAYS
+from bpn_shared.spec.config import ConfigError
+from bpn_shared.version_option import add_version_option
 
 DEFAULT_PORT = 8000
+DATABASE_FILE = ".dashboard.sqlite"
 
 
 def argument_parser() -> argparse.ArgumentParser:
@@ -20,6 +25,7 @@ def argument_parser() -> argparse.ArgumentParser:
         prog="bpn-dashboard",
         description="Runs, their registry, the live view and the web UI, in one process.",
     )
+    add_version_option(parser)
     parser.add_argument(
         "--runs-dir", type=Path, default=Path("runs"), help="where run folders are (default runs)"
     )
@@ -69,12 +75,38 @@ def argument_parser() -> argparse.ArgumentParser:
         metavar="FILE",
         help="write a token for who reads /metrics here",
     )
+    parser.add_argument(
+        "--trash-days",
+        type=float,
+        default=KEPT_DAYS,
+        metavar="DAYS",
+        help="how long removed runs can be restored (default %(default)g)",
+    )
+    parser.add_argument(
+        "--keep-runs",
+        type=int,
+        metavar="N",
+        help="move runs behind the N newest to the trash, as `bpn runs prune --keep` does (default: all stay)",
+    )
+    parser.add_argument(
+        "--keep-days",
+        type=float,
+        metavar="DAYS",
+        help="and those to which nothing has happened for so long; with both, those that both mean",
+    )
     return parser
+
+
+def retention(options: argparse.Namespace) -> Rule | None:
+    """The rule by which runs go to the trash; None: none do."""
+    if options.keep_runs is None and options.keep_days is None:
+        return None
+    return Rule(options.keep_runs, options.keep_days)
 
 
 def database_url(state_dir: Path, url: str | None = None) -> str:
     """The database of a URL, or the one in the state folder."""
-    return url or sqlite_url(state_dir / ".dashboard.sqlite")
+    return url or sqlite_url(state_dir / DATABASE_FILE)
 
 
 def state_dir(options: argparse.Namespace) -> Path:
@@ -95,10 +127,15 @@ def check_options(options: argparse.Namespace) -> None:
     Raises:
         ConfigError: the combination is wrong; the message says what to do.
     """
+    if not 0 <= options.trash_days < 1e6:
+        raise ConfigError(f"--trash-days {options.trash_days}: must be 0 or more days")
+    if (rule := retention(options)) is not None:
+        rule.check()
     if (options.certificate is None) != (options.key is None):
         raise ConfigError("--certificate and --key belong together")
     if options.certificate is not None:
         _check_certificate(options.certificate, options.key)
+    check_endpoint(options.connect)
     client_tls(options.connect)  # the router's, which would be missed much later
     secure = options.certificate is not None or options.insecure_http
     if options.public_url is not None and not _is_origin(options.public_url):

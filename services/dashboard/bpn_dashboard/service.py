@@ -25,6 +25,7 @@ from bpn_dashboard.access.tokens import LINK_S
 from bpn_dashboard.api.app import Application, create_app
 from bpn_dashboard.api.context import Context, identify
 from bpn_dashboard.api.problems import ApiError
+from bpn_dashboard.certificates import OwnCertificates
 from bpn_dashboard.database.engine import Database, DatabaseError
 from bpn_dashboard.hub.websocket import live_route
 from bpn_dashboard.live import Live, stay_joined
@@ -33,24 +34,26 @@ from bpn_dashboard.options import (
     check_options,
     database_url,
     is_secure,
+    retention,
     state_dir,
 )
+from bpn_dashboard.registry.removals import keep_tidy
 from bpn_dashboard.registry.store import RunStore
 from bpn_dashboard.registry.workplace import ConnectedWorkers
 from bpn_dashboard.series.ingest import Ingest
 from bpn_dashboard.server import Server, listen
 from bpn_dashboard.state_lock import ADDRESS_FILE, state_lock
 from bpn_shared.bus.session import prepare_process
-from bpn_shared.config import ConfigError, RunConfig
+from bpn_shared.counters import Counters
+from bpn_shared.errors import InputError, one_line
 from bpn_shared.runs.files import write_atomically
-from bpn_shared.service import (
-    Counters,
-    end_with_supervisor,
-    set_up_logging,
-    stop_on_signals,
-)
+from bpn_shared.runs.trash import DAY_S, TRASH
+from bpn_shared.runtime.service import end_with_supervisor, set_up_logging, stop_on_signals
+from bpn_shared.spec.config import RunConfig
 
 log = logging.getLogger(__name__)
+
+_END_S = 10.0
 
 
 def build(
@@ -59,7 +62,8 @@ def build(
     """The application with all its parts; its lifespan starts and ends them."""
     counters, live = Counters(), Live()
     connections = listener.connections = Connections(counters)
-    runs = RunStore(database, options.runs_dir, read_only=live.read_only)
+    certificates = OwnCertificates(options.connect, options.certificate)
+    runs = RunStore(database, options.runs_dir, read_only=live.refusal)
     context = Context(
         database=database,
         runs=runs,
@@ -67,12 +71,17 @@ def build(
         counters=counters,
         place=ConnectedWorkers(lambda: live.bus, live.gpus),
         topology=live.topology.snapshot,
+        refusals=live.topology.refusals,
+        registry=live.registry,
+        certificates=certificates.current,
         obstacle=live.obstacle,
         read_only=live.read_only,
         refused=live.refused,
         secure=is_secure(options),
         open_metrics=options.open_metrics,
         connections=connections,
+        state_dir=state_dir(options),
+        trash_kept_s=options.trash_days * DAY_S,
     )
 
     @asynccontextmanager
@@ -81,17 +90,26 @@ def build(
         quiet_when_out_of_descriptors(asyncio.get_running_loop(), counters)
         watching = asyncio.create_task(connections.watch())
         await asyncio.to_thread(runs.adopt)  # whether the bus is reached or not
-        runs.subscribe(context.ingest.take_in)
-        runs.subscribe(live.publish)
+        runs.audience.subscribe(context.ingest.take_in)
+        runs.audience.subscribe(live.publish)
+        runs.audience.mourn(live.publish_gone)
         context.ingest.start()
+        certificates.start()
         joining = asyncio.create_task(stay_joined(options, context, live, stop))
+        rule = retention(options)
+        tidying = threading.Thread(
+            target=keep_tidy, args=(context.removals, rule, stop), name="tidy", daemon=True
+        )
+        tidying.start()
         try:
             yield
         finally:
             stop.set()
             watching.cancel()
             await joining
+            await asyncio.to_thread(tidying.join, _END_S)
             await asyncio.to_thread(context.ingest.close)
+            await asyncio.to_thread(certificates.close)
 
     def may_watch(connection: HTTPConnection) -> str | None:
         try:
@@ -122,18 +140,25 @@ def main(argv: list[str] | None = None) -> int:
             first_run = RunConfig.for_task(options.first_run) if options.first_run else None
             options.runs_dir.mkdir(parents=True, exist_ok=True)
             state_dir(options).mkdir(mode=0o700, parents=True, exist_ok=True)
+            with suppress(
+                OSError
+            ):  # while there is room: a disk that is full later may have none even for it
+                (options.runs_dir / TRASH).mkdir(exist_ok=True)
             stack.enter_context(state_lock(state_dir(options)))
             listener = listen(options.host, options.port)
             stack.callback(listener.close)
             database = Database(database_url(state_dir(options), options.database))
             stack.callback(database.close)
             app, context = build(options, database, listener)
-        except (ConfigError, DatabaseError) as error:
+            if first_run is not None and not any(options.runs_dir.glob("*/config.json")):
+                context.runs.create(first_run, name="first run", actor="bpn-dashboard")
+            stack.enter_context(_announced(options, listener, context))
+        except (InputError, DatabaseError) as error:
             log.error("%s", error)
             return 2
-        if first_run is not None and not any(options.runs_dir.glob("*/config.json")):
-            context.runs.create(first_run, name="first run", actor="bpn-dashboard")
-        stack.enter_context(_announced(options, listener, context))
+        except OSError as error:  # folders and files that the options name
+            log.error("%s", one_line(error))
+            return 2
         Server(app, listener, options.certificate, options.key).serve_until(stop)
     return 0
 

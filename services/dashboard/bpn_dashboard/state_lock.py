@@ -7,7 +7,7 @@ import os
 from collections.abc import Iterator
 from pathlib import Path
 
-from bpn_shared.config import ConfigError
+from bpn_shared.spec.config import ConfigError
 
 ADDRESS_FILE = ".dashboard.json"
 """In the state folder: where the dashboard is, and a token for this user's commands."""

@@ -2,13 +2,13 @@
 
 import time
 
-from bpn_shared import keys
+from bpn_shared.bnn.outputs import Outputs
+from bpn_shared.bus import keys
 from bpn_shared.bus.sampled import SampledPublisher
 from bpn_shared.messages.action import Action
 from bpn_shared.messages.control import Assignment
 from bpn_shared.messages.decision import Decision
-from bpn_shared.outputs import Outputs
-from bpn_shared.worker import Worker
+from bpn_shared.runtime.worker import Worker
 
 RATE_HZ = 20.0
 
@@ -25,7 +25,11 @@ class DecisionFeed:
     def __init__(self, worker: Worker) -> None:
         self.scale = 0.0
         self._publisher = SampledPublisher[_Noted](
-            worker.bus, keys.decision(worker.run, worker.slot), RATE_HZ, self._encode
+            worker.bus,
+            keys.decision(worker.run, worker.slot),
+            RATE_HZ,
+            self._encode,
+            worker.counters,
         )
 
     def note(self, assignment: Assignment, action: Action, outputs: Outputs) -> None:

@@ -14,16 +14,16 @@ from bpn_edge.decisions import DecisionFeed
 from bpn_edge.memory import WeightMemory
 from bpn_edge.recorder import EpisodeRecorder
 from bpn_edge.robot_link import RobotLink
-from bpn_shared.bnn.blob import BlobError
-from bpn_shared.config import RunConfig
+from bpn_shared.bnn.envelope import BlobError
+from bpn_shared.bnn.outputs import Outputs
 from bpn_shared.messages.action import Action
 from bpn_shared.messages.control import Assignment, Reset
 from bpn_shared.messages.episode import Episode
 from bpn_shared.messages.frame import FrameHeader, FrameKind
-from bpn_shared.outputs import Outputs
-from bpn_shared.seeds import action_uniforms
-from bpn_shared.watchdog import STEPS_PLAYED
-from bpn_shared.worker import Worker
+from bpn_shared.runtime.watchdog import STEPS_PLAYED
+from bpn_shared.runtime.worker import Worker
+from bpn_shared.spec.config import RunConfig
+from bpn_shared.spec.seeds import action_uniforms
 
 log = logging.getLogger(__name__)
 
@@ -60,8 +60,17 @@ class EpisodeDriver:
         self._link, self._memory, self._feed = link, memory, feed
         self._silence_s = silence_s
 
-    def play(self, assignment: Assignment, choose: Choose) -> Episode | None:
+    def play(
+        self,
+        assignment: Assignment,
+        choose: Choose,
+        *,
+        meanwhile: Callable[[], None] = lambda: None,
+    ) -> Episode | None:
         """Plays the assigned episode with the weights in the active bank.
+
+        Args:
+            meanwhile: is called once the robot has begun, on this thread; frames are answered on the network's.
 
         Returns:
             The finished episode; None if the worker was stopped or a frame is missing (realtime pacing
@@ -91,6 +100,7 @@ class EpisodeDriver:
         self._link.listen(game.on_frame)
         try:
             self._link.reset(reset)
+            meanwhile()
             while not game.over.wait(_LOOK_AROUND_S):
                 if worker.stop.is_set():
                     return None

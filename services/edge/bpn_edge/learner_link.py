@@ -1,10 +1,10 @@
 """The edge's end of the two requests to its learner: what to play next, and here is an episode."""
 
-from bpn_shared import keys
 from bpn_shared.backoff import Backoff
+from bpn_shared.bus import keys
 from bpn_shared.messages.control import Assignment, EpisodeReceipt, NextEpisode
 from bpn_shared.messages.episode import Episode
-from bpn_shared.worker import Worker
+from bpn_shared.runtime.worker import Worker
 
 _DELIVER_TIMEOUT_S = 10.0
 _LATEST_AGAIN_S = 5.0
@@ -31,10 +31,15 @@ class Pace:
 
 
 class LearnerLink:
-    """Asks and delivers until the learner answers, however often it is restarted meanwhile."""
+    """Asks and delivers until the learner answers, however often it is restarted meanwhile.
+
+    One episode may be in hand: played, and not delivered yet. So the next one is asked for and begun first, and
+    the robot does not stand still while the learner writes to its disk.
+    """
 
     def __init__(self, worker: Worker) -> None:
         self._worker = worker
+        self._in_hand: Episode | None = None
 
     def next_episode(self, weights_version: int | None) -> Assignment | None:
         """What this slot shall play; None if the worker was stopped.
@@ -43,7 +48,13 @@ class LearnerLink:
             weights_version: the newest that is here; None: none.
         """
         worker = self._worker
-        asked = NextEpisode(slot=worker.slot, worker=worker.id, weights_version=weights_version)
+        meta = self._in_hand.meta if self._in_hand else None
+        asked = NextEpisode(
+            slot=worker.slot,
+            worker=worker.id,
+            weights_version=weights_version,
+            in_hand=(meta.iteration, meta.episode) if meta else None,
+        )
         return worker.ask(
             keys.next_episode(worker.run),
             asked.encode(),
@@ -52,13 +63,20 @@ class LearnerLink:
             refused_as="requests_refused_by_learner",
         )
 
-    def deliver(self, episode: Episode) -> None:
-        """Returns once the learner has taken the episode, has it already, or does not want it.
+    def take_in_hand(self, episode: Episode) -> None:
+        """Keeps an episode until `deliver`; nothing may be in hand."""
+        assert self._in_hand is None
+        self._in_hand = episode
+
+    def deliver(self) -> None:
+        """Returns once the learner has taken what is in hand, has it already, or does not want it.
 
         What is wrong with the episode is in its receipt, and the learner counts it: it is played again. A request
         that is refused as such, as by a learner whose disk is full, is made again, and the reason shown.
         """
-        worker = self._worker
+        worker, episode = self._worker, self._in_hand
+        if episode is None:
+            return
         which = f"episode ({episode.meta.iteration}, {episode.meta.episode})"
         receipt = worker.ask(
             keys.episode(worker.run),
@@ -70,7 +88,8 @@ class LearnerLink:
             timeout_s=_DELIVER_TIMEOUT_S,
             backoff=Backoff(most_s=_LATEST_AGAIN_S),
         )
-        if receipt is None:
+        self._in_hand = None
+        if receipt is None:  # the worker was stopped
             return
         worker.waiting.done()
         worker.counters.add(f"episodes_{receipt.verdict}")

@@ -9,11 +9,12 @@ import numpy.typing as npt
 
 from bpn_edge.kernel import Kernel, load
 from bpn_shared.bnn import golden
-from bpn_shared.bnn.blob import BlobError, WeightBlob
-from bpn_shared.config import Kernel as KernelName
-from bpn_shared.outputs import Outputs
-from bpn_shared.service import Counters
-from bpn_shared.weights import NO_RANK, Rank, Weights, rank_of
+from bpn_shared.bnn.blob import WeightBlob
+from bpn_shared.bnn.envelope import BlobError
+from bpn_shared.bnn.outputs import Outputs
+from bpn_shared.bnn.weights import NO_RANK, Rank, Weights, rank_of
+from bpn_shared.counters import Counters
+from bpn_shared.spec.config import Kernel as KernelName
 
 log = logging.getLogger(__name__)
 

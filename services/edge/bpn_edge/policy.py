@@ -8,7 +8,7 @@ from math import exp
 
 import numpy as np
 
-from bpn_shared.outputs import Outputs
+from bpn_shared.bnn.outputs import Outputs
 
 
 def softmax_weights(outputs: Outputs, scale: float, beta: float) -> list[float]:

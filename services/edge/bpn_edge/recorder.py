@@ -3,12 +3,12 @@
 import numpy as np
 import numpy.typing as npt
 
+from bpn_shared.bnn.outputs import Outputs
 from bpn_shared.messages.control import Assignment
 from bpn_shared.messages.episode import Episode, EpisodeMeta
 from bpn_shared.messages.frame import FrameHeader, FrameKind
-from bpn_shared.observation import stack
-from bpn_shared.outputs import Outputs
-from bpn_shared.tasks import Task
+from bpn_shared.spec.observation import stack
+from bpn_shared.spec.tasks import Task
 
 
 class EpisodeRecorder:

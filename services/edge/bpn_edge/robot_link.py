@@ -6,14 +6,14 @@ from collections.abc import Callable
 import numpy as np
 import numpy.typing as npt
 
-from bpn_shared import keys
+from bpn_shared.bus import keys
 from bpn_shared.bus.latest import DirectSubscriber, LatestPublisher
 from bpn_shared.messages.action import Action
 from bpn_shared.messages.base import MessageError
 from bpn_shared.messages.control import Reset, ResetReply
 from bpn_shared.messages.frame import FrameHeader, decode_frame
-from bpn_shared.tasks import Task
-from bpn_shared.worker import Worker
+from bpn_shared.runtime.worker import Worker
+from bpn_shared.spec.tasks import Task
 
 _RESET_TIMEOUT_S = 1.0
 

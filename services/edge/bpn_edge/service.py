@@ -9,13 +9,13 @@ from bpn_edge.learner_link import LearnerLink, Pace
 from bpn_edge.memory import WeightMemory
 from bpn_edge.policy import epsilon_greedy_action, softmax_action
 from bpn_edge.robot_link import RobotLink
+from bpn_shared.bnn.weights import Weights
 from bpn_shared.bus.weights import WeightsSubscriber
-from bpn_shared.config import RunConfig
-from bpn_shared.entry import run_slot_worker
-from bpn_shared.faults import FaultReporter
 from bpn_shared.messages.control import Assignment
-from bpn_shared.weights import Weights
-from bpn_shared.worker import EXIT_FINISHED, Worker
+from bpn_shared.runtime.entry import run_slot_worker
+from bpn_shared.runtime.faults import FaultReporter
+from bpn_shared.runtime.worker import EXIT_FINISHED, Worker
+from bpn_shared.spec.config import RunConfig
 
 log = logging.getLogger(__name__)
 
@@ -62,6 +62,8 @@ def serve(worker: Worker, config: RunConfig) -> int:
         while not worker.stop.is_set():
             newest = memory.newest
             assignment = learner.next_episode(newest)
+            if assignment is None or assignment.verdict != "play":
+                learner.deliver()
             if assignment is None:
                 break
             if assignment.verdict == "finished":
@@ -76,6 +78,7 @@ def serve(worker: Worker, config: RunConfig) -> int:
             at = assignment.iteration, assignment.episode
             version, attempt = assignment.weights_version, assignment.weights_attempt
             if not memory.activate(version, _WEIGHTS_TIMEOUT_S, attempt=attempt):
+                learner.deliver()
                 hopeless = memory.why_never(version)
                 worker.waiting.set(hopeless or f"weights version {version} of attempt {attempt}")
                 if hopeless is not None:
@@ -87,10 +90,11 @@ def serve(worker: Worker, config: RunConfig) -> int:
             worker.weights.note("running", memory.weights)
             feed.scale = memory.weights.scale
             try:
-                episode = driver.play(assignment, chooser(config, assignment, memory.weights.scale))
+                choose = chooser(config, assignment, memory.weights.scale)
+                episode = driver.play(assignment, choose, meanwhile=learner.deliver)
                 # What a damaged bank played is no data: it is asked for, and played, again.
                 if episode is not None and memory.is_intact():
-                    learner.deliver(episode)
+                    learner.take_in_hand(episode)
             except EpisodeFault as fault:
                 faults.tell(*at, str(fault))
     return EXIT_FINISHED

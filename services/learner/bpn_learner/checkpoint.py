@@ -1,7 +1,8 @@
 """The checkpoint: everything that the next iteration needs and that cannot be derived.
 
 One safetensors file, replaced atomically, with a digest over its arrays. Random numbers need no state
-(`bpn_shared.seeds`), and the data sets are the run folder's episodes, on disk since before they were acknowledged.
+(`bpn_shared.spec.seeds`), and the data sets are the run folder's episodes, on disk since before they were
+acknowledged.
 """
 
 import json

@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 
 from bpn_learner.reward import RewardError, Rewards, episode_rewards
-from bpn_shared.config import RunConfig
 from bpn_shared.messages.base import MessageError, OtherVersionError
 from bpn_shared.messages.episode import Episode
 from bpn_shared.runs.ownership import Ownership
-from bpn_shared.seeds import episode_seed
+from bpn_shared.spec.config import RunConfig
+from bpn_shared.spec.seeds import episode_seed
 
 log = logging.getLogger(__name__)
 

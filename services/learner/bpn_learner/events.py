@@ -8,7 +8,7 @@ from pathlib import Path
 
 from torch.utils.tensorboard import SummaryWriter
 
-from bpn_shared.config import RunConfig
+from bpn_shared.spec.config import RunConfig
 
 
 class EventWriter:
@@ -19,6 +19,9 @@ class EventWriter:
     """
 
     def __init__(self, folder: Path, config: RunConfig, first: int) -> None:
+        folder.mkdir(
+            exist_ok=True
+        )  # without its parents, as TensorBoard would: a removed run stays removed
         self._writer = SummaryWriter(str(folder), purge_step=first)
         if first == 0:
             text = f"```json\n{config.model_dump_json(indent=2)}\n```"

@@ -6,10 +6,10 @@ import torch
 
 from bpn_learner.fold import fold
 from bpn_learner.networks import BinaryNetwork, FloatNetwork, PNetwork, as_kernels
-from bpn_shared.bnn.blob import NO_RUN
-from bpn_shared.float_weights import FloatWeights
-from bpn_shared.onnx_model import onnx_model
-from bpn_shared.weights import Weights
+from bpn_shared.bnn.envelope import NO_RUN
+from bpn_shared.bnn.float_weights import FloatWeights
+from bpn_shared.bnn.onnx_model import onnx_model
+from bpn_shared.bnn.weights import Weights
 
 
 def export(network: PNetwork, *, run: UUID = NO_RUN, attempt: int = 0, version: int = 0) -> Weights:

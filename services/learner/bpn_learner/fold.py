@@ -6,7 +6,8 @@ import numpy as np
 import numpy.typing as npt
 
 from bpn_learner.networks import BinaryNetwork
-from bpn_shared.bnn.blob import NO_RUN, Thresholds, WeightBlob
+from bpn_shared.bnn.blob import Thresholds, WeightBlob
+from bpn_shared.bnn.envelope import NO_RUN
 
 Floats = npt.NDArray[np.float64]
 

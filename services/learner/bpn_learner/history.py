@@ -14,10 +14,10 @@ from bpn_learner.episodes import DataError, Scored
 from bpn_learner.export import export
 from bpn_learner.initial import initial_policy
 from bpn_learner.networks import PNetwork
-from bpn_shared.bnn.blob import BlobError
-from bpn_shared.config import RunConfig
+from bpn_shared.bnn.envelope import BlobError
+from bpn_shared.bnn.weights import Weights
 from bpn_shared.runs.folder import RunFolder
-from bpn_shared.weights import Weights
+from bpn_shared.spec.config import RunConfig
 
 log = logging.getLogger(__name__)
 

@@ -4,8 +4,8 @@ import torch
 
 from bpn_learner.networks import PNetwork, make_network
 from bpn_learner.update import make_optimizer
-from bpn_shared.config import ConfigError, RunConfig
-from bpn_shared.seeds import initial_weights_seed
+from bpn_shared.spec.config import ConfigError, RunConfig
+from bpn_shared.spec.seeds import initial_weights_seed
 
 
 def initial_policy(config: RunConfig) -> tuple[PNetwork, torch.optim.Optimizer]:

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from bpn_learner.episodes import EpisodeError, Scored, load_episodes, score
 from bpn_learner.refusals import Refusals
 from bpn_learner.storage import StorageError, trouble
-from bpn_shared.config import RunConfig
+from bpn_shared.counters import Counters
 from bpn_shared.messages.base import MessageError, OtherVersionError
 from bpn_shared.messages.control import (
     Assignment,
@@ -27,8 +27,9 @@ from bpn_shared.messages.control import (
 from bpn_shared.messages.episode import Episode, EpisodeMeta, decode_meta
 from bpn_shared.runs.lock import OwnershipLostError
 from bpn_shared.runs.ownership import Ownership
-from bpn_shared.seeds import episode_seed
-from bpn_shared.service import Counters, Waiting
+from bpn_shared.spec.config import RunConfig
+from bpn_shared.spec.seeds import episode_seed
+from bpn_shared.waiting import Waiting
 
 log = logging.getLogger(__name__)
 
@@ -164,11 +165,14 @@ class EpisodeLedger:
                 return Assignment(verdict="finished", reason="all iterations are done")
             if not self._collecting:
                 return Assignment(verdict="wait", reason="the policy update")
-            episode = self._choose(asked)
+            lease = Lease(asked.slot, asked.worker, time.monotonic() + self._lease_s)
+            in_hand = self._in_hand(asked)
+            if in_hand is not None:
+                self._leases[in_hand] = lease
+            episode = self._choose(asked.slot, in_hand)
             if episode is None:
                 return Assignment(verdict="wait", reason="the other robots' episodes")
-            expires_s = time.monotonic() + self._lease_s
-            self._leases[episode] = Lease(asked.slot, asked.worker, expires_s)
+            self._leases[episode] = lease
             if asked.weights_version is not None:
                 self._lags.append(max(0, self._iteration - asked.weights_version))
             return Assignment(
@@ -182,9 +186,15 @@ class EpisodeLedger:
                 epsilon=self._config.epsilon(self._iteration),
             )
 
-    def _choose(self, asked: NextEpisode) -> int | None:
-        # A slot that asks has nothing in hand: what it was given before is its again.
-        mine = [e for e, lease in self._leases.items() if lease.slot == asked.slot]
+    def _in_hand(self, asked: NextEpisode) -> int | None:
+        """What a slot has played and not delivered yet, if it is of this iteration and still missing."""
+        iteration, episode = asked.in_hand or (-1, -1)
+        is_missing = 0 <= episode < self._config.episodes and episode not in self._stored
+        return episode if iteration == self._iteration and is_missing else None
+
+    def _choose(self, slot: int, in_hand: int | None) -> int | None:
+        # What a slot was given before and has not in hand, it has lost: that is its again.
+        mine = [e for e, lease in self._leases.items() if lease.slot == slot and e != in_hand]
         if mine:
             return min(mine)
         missing = (e for e in range(self._config.episodes) if e not in self._stored)

@@ -8,11 +8,11 @@ from bpn_learner.handout import take
 from bpn_learner.initial import initial_policy
 from bpn_learner.rendezvous import join
 from bpn_learner.update import DivergenceError, PolicyUpdate, UpdateStopped, fit
-from bpn_shared import keys
-from bpn_shared.config import RunConfig
+from bpn_shared.bus import keys
 from bpn_shared.messages.meeting import MeetingReply, MeetingRequest
-from bpn_shared.seeds import shuffle_generator
-from bpn_shared.worker import EXIT_FINISHED, Worker, fetch_config
+from bpn_shared.runtime.worker import EXIT_FINISHED, Worker, fetch_config
+from bpn_shared.spec.config import RunConfig
+from bpn_shared.spec.seeds import shuffle_generator
 
 log = logging.getLogger(__name__)
 

@@ -13,7 +13,7 @@ from torch import Tensor, nn
 from bpn_learner import _native
 from bpn_learner.group import ALONE, Group
 from bpn_learner.networks import BinaryNetwork, FloatNetwork, PNetwork
-from bpn_shared.config import Engine
+from bpn_shared.spec.config import Engine
 
 Gradients = Callable[[Tensor], Tensor | float]
 """Sets every parameter's `grad` from the transitions int64[B] of D, and returns their mean loss.

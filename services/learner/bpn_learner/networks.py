@@ -16,8 +16,8 @@ from torch.nn import functional
 from bpn_learner.batch_norm import BATCH_NORM_EPSILON, batch_norm
 from bpn_learner.binarize import sign
 from bpn_learner.group import ALONE, Group
-from bpn_shared.algorithms import NetworkKind
-from bpn_shared.bnn.spec import MAX_PIXEL, Layer, NetworkSpec
+from bpn_shared.spec.algorithms import NetworkKind
+from bpn_shared.spec.network import MAX_PIXEL, Layer, NetworkSpec
 
 LATENT_INITIAL = 0.1  # small against the clip at 1: early on, signs are free to flip
 

@@ -23,12 +23,12 @@ from torch.distributed import ProcessGroupGloo, TCPStore  # type: ignore[attr-de
 
 from bpn_learner.group import DistributedGroup, GroupLostError, brief
 from bpn_learner.update import UpdateStopped
-from bpn_shared import keys
+from bpn_shared.bus import keys
 from bpn_shared.bus.address import own_address
 from bpn_shared.bus.requests import RefusedError, Responder
-from bpn_shared.config import RunConfig
 from bpn_shared.messages.meeting import MeetingReply, MeetingRequest
-from bpn_shared.worker import Worker
+from bpn_shared.runtime.worker import Worker
+from bpn_shared.spec.config import RunConfig
 
 log = logging.getLogger(__name__)
 

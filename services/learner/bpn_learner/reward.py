@@ -7,11 +7,11 @@ import numpy as np
 import numpy.typing as npt
 
 from bpn_learner.disc import disc_centre_px
-from bpn_shared.bnn.spec import IMAGE_SIZE_PX
-from bpn_shared.framing import nearest_on_border, reward_px
-from bpn_shared.markers import HAND_LEVEL, PAN_TILT_MARKER, TARGET_LEVEL, TRACKING_TARGET, Disc
 from bpn_shared.messages.episode import Episode
-from bpn_shared.tasks import Task
+from bpn_shared.spec.framing import nearest_on_border, reward_px
+from bpn_shared.spec.markers import HAND_LEVEL, PAN_TILT_MARKER, TARGET_LEVEL, TRACKING_TARGET, Disc
+from bpn_shared.spec.network import IMAGE_SIZE_PX
+from bpn_shared.spec.tasks import Task
 
 Frames = npt.NDArray[np.uint8]
 Rewards = npt.NDArray[np.float64]
@@ -35,7 +35,7 @@ def rewards(task: str, frames: Frames) -> Rewards:
     """r_1..r_T of an episode, unscaled, in the paper's unit: minus the distance in pixels.
 
     Args:
-        task: a name in `bpn_shared.tasks.TASKS`.
+        task: a name in `bpn_shared.spec.tasks.TASKS`.
         frames: uint8[T+1, c, 84, 84].
 
     Returns:

@@ -16,22 +16,22 @@ from bpn_learner.rendezvous import Rendezvous
 from bpn_learner.storage import StorageError, StorageStopped, insist
 from bpn_learner.training import Training
 from bpn_learner.update import DivergenceError
-from bpn_shared import keys
+from bpn_shared.bnn.weights import Weights
+from bpn_shared.bus import keys
 from bpn_shared.bus.liveliness import Alive
 from bpn_shared.bus.logs import LogCollector
 from bpn_shared.bus.metrics import MetricsPublisher
 from bpn_shared.bus.requests import RefusedError, Responder
 from bpn_shared.bus.router_watch import GIVE_UP_AFTER_S
 from bpn_shared.bus.weights import WeightsPublisher
-from bpn_shared.config import ConfigError
-from bpn_shared.entry import argument_parser, run_worker
 from bpn_shared.messages.control import Fault, NextEpisode
 from bpn_shared.runs.folder import RunFolder, State
 from bpn_shared.runs.ownership import Ownership
+from bpn_shared.runtime.entry import argument_parser, natural, run_worker
+from bpn_shared.runtime.watchdog import EPISODES_STORED, EPOCHS_DONE
+from bpn_shared.runtime.worker import EXIT_FINISHED, EXIT_UNRECOVERABLE, Worker, service_names
+from bpn_shared.spec.config import ConfigError
 from bpn_shared.version import written_by
-from bpn_shared.watchdog import EPISODES_STORED, EPOCHS_DONE
-from bpn_shared.weights import Weights
-from bpn_shared.worker import EXIT_FINISHED, EXIT_UNRECOVERABLE, Worker, service_names
 
 log = logging.getLogger(__name__)
 
@@ -161,7 +161,7 @@ def main(argv: list[str] | None = None) -> int:
         "--runs-dir", type=Path, default=Path("runs"), help="where run folders are (default runs)"
     )
     parser.add_argument(
-        "--slot", type=int, default=0,
+        "--slot", type=natural, default=0,
         help="rank among the run's learners; 0 (default) is the one that owns the run folder",
     )  # fmt: skip
     parser.add_argument(

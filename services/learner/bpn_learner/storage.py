@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable
 
 from bpn_shared.backoff import Backoff
-from bpn_shared.service import Waiting
+from bpn_shared.waiting import Waiting
 
 GIVE_UP_S = 600.0
 

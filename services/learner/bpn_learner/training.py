@@ -29,13 +29,13 @@ from bpn_learner.update import (
     UpdateStopped,
     policy_update,
 )
-from bpn_shared.config import ConfigError, RunConfig
+from bpn_shared.bnn.weights import Weights
 from bpn_shared.runs.folder import RunFolder
 from bpn_shared.runs.ownership import Ownership
-from bpn_shared.seeds import shuffle_generator
-from bpn_shared.service import Waiting
-from bpn_shared.success import share, success_of
-from bpn_shared.weights import Weights
+from bpn_shared.runs.success import share, success_of
+from bpn_shared.spec.config import ConfigError, RunConfig
+from bpn_shared.spec.seeds import shuffle_generator
+from bpn_shared.waiting import Waiting
 
 if TYPE_CHECKING:
     from bpn_learner.events import EventWriter  # an extra: loaded when a run asks for it

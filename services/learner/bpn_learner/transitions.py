@@ -9,7 +9,7 @@ import numpy.typing as npt
 import torch
 from torch import Tensor
 
-from bpn_shared.observation import frame_indices
+from bpn_shared.spec.observation import frame_indices
 
 
 @dataclass(frozen=True, eq=False)

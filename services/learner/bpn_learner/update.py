@@ -17,8 +17,8 @@ from bpn_learner.group import ALONE, Group
 from bpn_learner.minibatch import minibatch_gradients
 from bpn_learner.networks import BinaryNetwork, PNetwork
 from bpn_learner.transitions import Transitions, gathered
-from bpn_shared.algorithms import UpdateKind
-from bpn_shared.config import Engine, RunConfig
+from bpn_shared.spec.algorithms import UpdateKind
+from bpn_shared.spec.config import Engine, RunConfig
 
 EVALUATION_BATCH = 256
 SCALE_RATE_FACTOR = 3.0

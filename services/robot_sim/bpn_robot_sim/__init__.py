@@ -5,8 +5,8 @@ Importing this package registers the environments with Gymnasium; it loads neith
 
 import gymnasium
 
-from bpn_shared.config import RunConfig
-from bpn_shared.tasks import TASKS
+from bpn_shared.spec.config import RunConfig
+from bpn_shared.spec.tasks import TASKS
 
 EPISODE_STEPS = {name: RunConfig.for_task(name).steps for name in TASKS}
 """T of each task, as the paper has it."""

@@ -1,3 +1,3 @@
-from bpn_robot_sim.service import main
+from bpn_robot_sim.worker import main
 
 raise SystemExit(main())

@@ -7,8 +7,9 @@ import gymnasium
 import numpy as np
 import numpy.typing as npt
 
-from bpn_robot_sim.rendering import Frame
-from bpn_robot_sim.robot import Info, make_robot
+from bpn_robot.frame import Frame
+from bpn_robot.robot import Info
+from bpn_robot_sim.robots import make_robot
 
 
 class RobotEnv(gymnasium.Env[Frame, np.int64]):
@@ -19,7 +20,7 @@ class RobotEnv(gymnasium.Env[Frame, np.int64]):
     of its own: the registered one truncates.
 
     Args:
-        task_name: a task of `bpn_shared.tasks.TASKS`.
+        task_name: a task of `bpn_shared.spec.tasks.TASKS`.
         render_mode: None or "rgb_array" (`render` then gives uint8[84, 84, 3]).
     """
 

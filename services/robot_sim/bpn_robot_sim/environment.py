@@ -13,6 +13,7 @@ import gymnasium
 import numpy as np
 from gymnasium.spaces import Dict, Discrete
 
+from bpn_robot.robot import RobotFault
 from bpn_robot_sim.pictures import (
     ObservedPictures,
     Picture,
@@ -21,10 +22,9 @@ from bpn_robot_sim.pictures import (
     rendered,
     why_blind,
 )
-from bpn_robot_sim.robot import RobotFault
-from bpn_shared.bnn.spec import MAX_ACTIONS
-from bpn_shared.config import ConfigError
-from bpn_shared.tasks import GYM_PREFIX
+from bpn_shared.spec.config import ConfigError
+from bpn_shared.spec.network import MAX_ACTIONS
+from bpn_shared.spec.tasks import GYM_PREFIX
 
 log = logging.getLogger(__name__)
 

@@ -1,11 +1,11 @@
 """Any Gymnasium environment with discrete actions and something to see, as a robot."""
 
+from bpn_robot.frame import Frame
+from bpn_robot.robot import Info, check_action
 from bpn_robot_sim.environment import GymEnvironment, play_at_random
 from bpn_robot_sim.pictures import as_frame
-from bpn_robot_sim.rendering import Frame
-from bpn_robot_sim.robot import Info, check_action
-from bpn_shared.config import ConfigError
-from bpn_shared.tasks import Task
+from bpn_shared.spec.config import ConfigError
+from bpn_shared.spec.tasks import Task
 
 
 class GymRobot:

@@ -8,8 +8,8 @@ import numpy.typing as npt
 from gymnasium.spaces import Box
 from PIL import Image
 
-from bpn_robot_sim.rendering import Frame, is_flat
-from bpn_shared.bnn.spec import IMAGE_SIZE_PX
+from bpn_robot.frame import Frame, is_flat
+from bpn_shared.spec.network import IMAGE_SIZE_PX
 
 Picture = npt.NDArray[np.uint8]
 

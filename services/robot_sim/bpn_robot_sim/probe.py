@@ -12,12 +12,12 @@ import sys
 from collections.abc import Iterator
 from typing import TextIO
 
-from bpn_robot_sim.robot import of_gym
+from bpn_robot_sim.robots import of_gym
 from bpn_shared.bus.requests import RefusedError
-from bpn_shared.config import ConfigError
 from bpn_shared.messages.probe import ProbeReply, ProbeRequest
-from bpn_shared.probing import TIMEOUT_S
-from bpn_shared.tasks import is_gym
+from bpn_shared.runtime.probing import TIMEOUT_S
+from bpn_shared.spec.config import ConfigError
+from bpn_shared.spec.tasks import is_gym
 
 _REFUSED = 3
 """Exit status of the child that found a reason against."""
@@ -74,7 +74,7 @@ def probe_in_child(asked: ProbeRequest, *, timeout_s: float = TIMEOUT_S) -> Prob
 
 
 def answer(body: bytes) -> bytes:
-    """A robot worker's answer to a probe over the bus (`bpn_shared.probing`).
+    """A robot worker's answer to a probe over the bus (`bpn_shared.runtime.probing`).
 
     Raises:
         MessageError: no such request.

@@ -11,8 +11,9 @@ from typing import Literal, Protocol, cast, get_args
 
 import numpy as np
 
+from bpn_robot.robot import Robot
 from bpn_robot_sim import EPISODE_STEPS
-from bpn_robot_sim.robot import Robot, make_robot
+from bpn_robot_sim.robots import make_robot
 
 Policy = Literal["greedy", "random", "hold"]
 MOVING_TARGETS = ("tracking", "pan_tilt")

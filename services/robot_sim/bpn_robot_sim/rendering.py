@@ -4,14 +4,12 @@ import os
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from bpn_robot.frame import Frame
 from bpn_robot_sim.opengl import RenderingError, mujoco
-from bpn_shared.bnn.spec import IMAGE_SIZE_PX
+from bpn_shared.spec.network import IMAGE_SIZE_PX
 
-__all__ = ["Camera", "Frame", "RenderingError", "backend"]
-
-Frame = npt.NDArray[np.uint8]
+__all__ = ["Camera", "RenderingError", "backend"]
 
 _FLAGS_OFF = ("SHADOW", "REFLECTION", "SKYBOX", "HAZE", "FOG")
 _MINIMAL_MODEL = (
@@ -60,11 +58,6 @@ class Camera:
     def close(self) -> None:
         """Frees the OpenGL context; the camera cannot be used afterwards."""
         self._renderer.close()
-
-
-def is_flat(frame: Frame) -> bool:
-    """Whether the whole frame, uint8[c, 84, 84], has one colour: such a camera shows nothing."""
-    return bool((frame == frame[:, :1, :1]).all())
 
 
 def backend() -> str:

@@ -15,8 +15,8 @@ from uuid import UUID
 import numpy as np
 import numpy.typing as npt
 
-from bpn_shared.bnn.spec import Layer, NetworkSpec
-from bpn_shared.errors import InputError
+from bpn_shared.bnn.envelope import NO_RUN, BlobError, Envelope, Header, check_provenance
+from bpn_shared.spec.network import Layer, NetworkSpec
 
 Signs = npt.NDArray[np.int8]
 Thresholds = npt.NDArray[np.int32]
@@ -24,14 +24,7 @@ Parameters = dict[str, npt.NDArray[Any]]
 """Of a policy, by name."""
 
 MAGIC = b"BPNW"
-SCHEMA = 1
-_HEADER = struct.Struct("<4sHHHH16sIIf")
-_DIGEST_BYTES = hashlib.sha256().digest_size
-NO_RUN = UUID(int=0)
-
-
-class BlobError(InputError):
-    """The bytes or the parts are not a policy; the message says what is wrong with them."""
+_ENVELOPE = Envelope("weight blob", MAGIC, schema=1, own="f")
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,9 +64,7 @@ class WeightBlob:
                 raise BlobError(f"weights of {layer.name} hold values other than -1 and +1")
         if not (np.isfinite(np.float32(self.scale)) and np.float32(self.scale) > 0):
             raise BlobError(f"scale (lambda) = {self.scale} must be a finite float32 above 0")
-        for name, value in (("attempt", self.attempt), ("version", self.version)):
-            if not 0 <= value < 2**32:
-                raise BlobError(f"{name} = {value} is outside 0..{2**32 - 1}")
+        check_provenance(self.attempt, self.version)
 
     @classmethod
     def random(cls, spec: NetworkSpec, rng: np.random.Generator) -> Self:
@@ -118,12 +109,8 @@ class WeightBlob:
 
     def encode(self) -> bytes:
         """The blob as bytes, `encoded_size(spec)` of them."""
-        header = _HEADER.pack(
-            MAGIC, SCHEMA, self.spec.channels, self.spec.nodes, self.spec.actions,
-            self.run.bytes, self.attempt, self.version, self.scale,
-        )  # fmt: skip
-        data = header + self._body()
-        return data + hashlib.sha256(data).digest()
+        header = Header(self.spec, self.run, self.attempt, self.version, self.scale)
+        return _ENVELOPE.seal(header, self._body())
 
     @classmethod
     def decode(cls, data: bytes) -> Self:
@@ -132,28 +119,12 @@ class WeightBlob:
         Raises:
             BlobError: truncated, oversized, altered, of another schema, or not a blob at all.
         """
-        if len(data) < _HEADER.size:
-            raise BlobError(f"{len(data)} bytes are fewer than a blob's header ({_HEADER.size})")
-        magic, schema, channels, nodes, actions, run, attempt, version, scale = _HEADER.unpack_from(
-            data
+        header = _ENVELOPE.header(data)
+        body = _ENVELOPE.body(data, _body_bytes(header.spec))
+        weights, thresholds = _split_body(header.spec, body)
+        return cls(
+            header.spec, weights, thresholds, header.own, header.run, header.attempt, header.version
         )
-        if magic != MAGIC:
-            raise BlobError(f"starts with {magic!r}, a weight blob starts with {MAGIC!r}")
-        if schema != SCHEMA:
-            raise BlobError(
-                f"blob schema {schema}, this program reads {SCHEMA}: update the older one"
-            )
-        try:
-            spec = NetworkSpec(channels, nodes, actions)
-        except ValueError as error:
-            raise BlobError(f"impossible geometry: {error}") from error
-        expected = encoded_size(spec)
-        if len(data) != expected:
-            raise BlobError(f"{len(data)} bytes, a blob with {spec} has {expected}")
-        if hashlib.sha256(data[:-_DIGEST_BYTES]).digest() != data[-_DIGEST_BYTES:]:
-            raise BlobError("SHA-256 mismatch: the blob was altered on its way")
-        weights, thresholds = _split_body(spec, data[_HEADER.size : -_DIGEST_BYTES])
-        return cls(spec, weights, thresholds, scale, UUID(bytes=run), attempt, version)
 
     def _body(self) -> bytes:
         bits = (np.packbits(signs > 0, bitorder="little").tobytes() for signs in self.weights)
@@ -175,9 +146,13 @@ def canonical_thresholds(layer: Layer, tau: Thresholds) -> Thresholds:
 
 def encoded_size(spec: NetworkSpec) -> int:
     """Bytes of a blob with this geometry."""
+    return _ENVELOPE.size(_body_bytes(spec))
+
+
+def _body_bytes(spec: NetworkSpec) -> int:
     signs = sum(_packed_bytes(layer.out_channels * layer.fan_in) for layer in spec.layers)
     thresholds = sum(4 * layer.out_channels for layer in spec.layers[:-1])
-    return _HEADER.size + signs + thresholds + _DIGEST_BYTES
+    return signs + thresholds
 
 
 def _packed_bytes(bits: int) -> int:

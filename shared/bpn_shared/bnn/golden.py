@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from bpn_shared.bnn.blob import WeightBlob
-from bpn_shared.bnn.spec import Layer, NetworkSpec
+from bpn_shared.spec.network import Layer, NetworkSpec
 
 Observation = npt.NDArray[np.uint8]
 Integers = npt.NDArray[np.int32]

@@ -1,12 +1,22 @@
-"""Under which address others that use the same router reach this machine."""
+"""Addresses: which only this machine reaches, and under which others that use the same router reach it."""
 
-import re
 import socket
+from ipaddress import ip_address
 
-from bpn_shared.config import ConfigError
+from bpn_shared.bus.endpoint import network
+from bpn_shared.spec.config import ConfigError
 
-_ENDPOINT = re.compile(r"[a-z]+/\[?(?P<host>[^\]]+?)\]?:(?P<port>[0-9]+)")
 LOOPBACK = "127.0.0.1"
+
+
+def is_loopback(host: str) -> bool:
+    """Whether only this machine reaches that address."""
+    if host == "localhost":
+        return True
+    try:
+        return ip_address(host).is_loopback
+    except ValueError:
+        return False
 
 
 def own_address(endpoint: str) -> str:
@@ -19,12 +29,12 @@ def own_address(endpoint: str) -> str:
     """
     if endpoint.startswith("unixsock-stream/"):
         return LOOPBACK
-    match = _ENDPOINT.match(endpoint)
-    if match is None:
+    parts = network(endpoint)
+    if parts is None:
         raise ConfigError(f"endpoint {endpoint!r} names no host and port")
     try:
         family, kind, protocol, _, router = socket.getaddrinfo(
-            match["host"], int(match["port"]), type=socket.SOCK_DGRAM
+            parts.host, parts.port, type=socket.SOCK_DGRAM
         )[0]
         with socket.socket(family, kind, protocol) as probe:
             probe.connect(router)  # of a datagram socket: nothing is sent, a route is chosen

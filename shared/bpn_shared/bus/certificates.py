@@ -1,12 +1,10 @@
 """The certificates of a role, as a folder of three files, and what Zenoh is told about them."""
 
 import os
-from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import NamedTuple, Self
 
-from bpn_shared.bus.x509 import facts_of
-from bpn_shared.config import ConfigError
+from bpn_shared.spec.config import ConfigError
 
 AUTHORITY, CERTIFICATE, KEY = "authority.pem", "certificate.pem", "key.pem"
 """Names of the files: who is trusted, who we are, and the proof of it."""
@@ -64,13 +62,3 @@ def client_tls(endpoint: str) -> dict[str, object]:
         "verify_name_on_connect": True,
         "close_link_on_expiration": True,
     }
-
-
-def days_left(path: Path) -> float:
-    """For how many days the certificate in a PEM file is still good; below 0: it has expired.
-
-    Raises:
-        OSError: it cannot be read.
-        ValueError: there is none in it.
-    """
-    return (facts_of(path).end - datetime.now(UTC)) / timedelta(days=1)

@@ -1,10 +1,11 @@
 """What stands in a session, from its making to its end."""
 
 import contextlib
-from types import TracebackType
-from typing import Any, Protocol, Self, TypeVar
+from typing import Any, Protocol, TypeVar
 
 import zenoh
+
+from bpn_shared.closing import Closing
 
 
 class Declaration(Protocol):
@@ -16,7 +17,7 @@ class Declaration(Protocol):
 D = TypeVar("D", bound=Declaration)
 
 
-class Declared:
+class Declared(Closing):
     """Stands in a session until it is closed, which a `with` does, or until the session is."""
 
     def __init__(self) -> None:
@@ -32,14 +33,3 @@ class Declared:
         while self._declarations:
             with contextlib.suppress(zenoh.ZError):  # the session has ended, and it with it
                 self._declarations.pop().undeclare()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        self.close()

@@ -13,7 +13,8 @@ import zenoh
 
 from bpn_shared.bus.requests import Responder, request
 from bpn_shared.bus.session import DEFAULT_ENDPOINT, Bus, prepare_process
-from bpn_shared.service import Counters, end_with_supervisor, set_up_logging, stop_on_signals
+from bpn_shared.counters import Counters
+from bpn_shared.runtime.service import end_with_supervisor, set_up_logging, stop_on_signals
 
 PING, PONG, REQUEST = "bpn/echo/ping", "bpn/echo/pong", "bpn/echo/request"
 

@@ -5,7 +5,7 @@ from collections.abc import Callable
 
 import zenoh
 
-from bpn_shared import keys
+from bpn_shared.bus import keys
 from bpn_shared.bus.declared import Declared
 from bpn_shared.bus.session import Bus
 

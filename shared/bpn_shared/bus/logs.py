@@ -7,16 +7,16 @@ import re
 import threading
 from collections.abc import Collection
 from pathlib import Path
-from types import TracebackType
 from typing import Self
 from uuid import UUID
 
 import zenoh
 
-from bpn_shared import keys, log_lines
+from bpn_shared.bus import keys
 from bpn_shared.bus.declared import Declared
 from bpn_shared.bus.session import Bus
 from bpn_shared.errors import one_line
+from bpn_shared.messages import log_lines
 
 log = logging.getLogger(__name__)
 
@@ -52,12 +52,7 @@ class LogPublisher(logging.Handler):
         logging.getLogger().addHandler(self)
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         logging.getLogger().removeHandler(self)
         self.close()
 

@@ -7,7 +7,7 @@ from uuid import UUID
 
 import zenoh
 
-from bpn_shared import keys
+from bpn_shared.bus import keys
 from bpn_shared.bus.declared import Declared
 from bpn_shared.bus.session import Bus
 from bpn_shared.messages.base import MessageError

@@ -11,6 +11,7 @@ from contextlib import suppress
 from datetime import UTC, datetime
 
 from bpn_shared.bus.certificates import CertificateFiles, own_certificates
+from bpn_shared.bus.endpoint import network
 from bpn_shared.bus.x509 import CertificateFacts, facts, facts_of
 from bpn_shared.errors import one_line
 
@@ -19,7 +20,6 @@ _REMEDY = "start one with `bpn-router` or name it with --connect"
 _ALERT_S = 0.5
 """A router that does not accept a client's certificate says so after its own part of the handshake."""
 
-_ENDPOINT = re.compile(r"(?P<protocol>[a-z]+)/\[?(?P<host>[^\]]+?)\]?:(?P<port>[0-9]+)(?:[?#].*)?")
 _RUST_PLACE = re.compile(r",? at (?:/\S+|\S+\.rs)\S*\.rs:[0-9]+\.?")
 
 # OpenSSL's numbers of reasons why a certificate is not accepted
@@ -50,17 +50,29 @@ def obstacle(
         files: our certificates; None: those in the folder that the environment names.
         any_name: whether the router's certificate may be for other names than the endpoint's.
     """
-    match = _ENDPOINT.fullmatch(endpoint)
-    if match is None or match["protocol"] not in ("tcp", "tls"):
+    parts = network(endpoint)
+    if parts is None or parts.protocol not in ("tcp", "tls"):
         return _socket_file_obstacle(endpoint)
-    host, port = match["host"], int(match["port"])
+    protocol, host, port = parts
     try:
-        if match["protocol"] == "tls":
+        if protocol == "tls":
             return _tls_obstacle(host, port, files or own_certificates(), any_name=any_name)
         socket.create_connection((host, port), TIMEOUT_S).close()
         return ""
     except (OSError, OverflowError, UnicodeError) as error:
         return _network_obstacle(error, host, port)
+
+
+def router_certificate(endpoint: str) -> CertificateFacts | None:
+    """The certificate that a router presents, trusted or not; None: nobody presents one there.
+
+    Args:
+        endpoint: the router's, in Zenoh's form.
+    """
+    parts = network(endpoint)
+    if parts is None or parts.protocol != "tls":
+        return None
+    return _peer((parts.host, parts.port))
 
 
 def _network_obstacle(error: Exception, host: str, port: int) -> str:
@@ -174,7 +186,7 @@ def _peer(address: tuple[object, ...]) -> CertificateFacts | None:
     context = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
     context.check_hostname, context.verify_mode = False, ssl.CERT_NONE
     with (
-        suppress(OSError, ValueError),
+        suppress(OSError, OverflowError, ValueError),  # UnicodeError is a ValueError
         socket.create_connection((str(address[0]), address[1]), TIMEOUT_S) as connection,  # type: ignore[arg-type]
         context.wrap_socket(connection) as secured,
     ):

@@ -5,17 +5,15 @@ import logging
 import time
 from collections.abc import Callable
 from datetime import UTC, datetime, timedelta
+from pathlib import Path
 
 from bpn_shared.bus.certificates import CertificateFiles
 from bpn_shared.bus.obstacle import own_obstacle
-from bpn_shared.bus.x509 import facts_of
+from bpn_shared.bus.x509 import Life, facts_of
 from bpn_shared.errors import one_line
 
 log = logging.getLogger(__name__)
 
-WARN_BEFORE = timedelta(days=30)
-WARN_PART = 4
-"""Of certificates that live shorter, only the last quarter of their life is near the end."""
 _LOOK_AGAIN_S = 10.0
 _SAY_AGAIN_S = 86_400.0
 _SAY_EXPIRED_AGAIN_S = 3600.0
@@ -26,6 +24,10 @@ class CertificateWatch:
 
     Args:
         now_s: the clock of what is said again, seconds.
+
+    Attributes:
+        life: of the certificate that people should renew first, the service's own or the authority's, as `warn`
+            last read it; None: it never could.
     """
 
     def __init__(
@@ -36,6 +38,7 @@ class CertificateWatch:
         self._looked_s: float | None = None
         self._said_s: float | None = None
         self._said_expired = False
+        self.life: Life | None = None
 
     def _digest(self) -> bytes:
         try:
@@ -52,23 +55,20 @@ class CertificateWatch:
         return True
 
     def warn(self) -> None:
-        """Says once a day that the certificate is near its end, and once an hour that it is past it."""
+        """Says once a day that a certificate is near its end, and once an hour that it is past it."""
         if self._looked_s is not None and self._now_s() - self._looked_s < _LOOK_AGAIN_S:
             return
-        self._looked_s = self._now_s()
+        self._looked_s, now = self._now_s(), datetime.now(UTC)
         try:
-            certificate = facts_of(self._files.certificate)
+            self.life, path = _first_to_renew(self._files, now)
         except (OSError, ValueError) as error:
             self._say(f"the certificate cannot be read: {one_line(error)}", expired=True)
             return
-        start, end = certificate.start, certificate.end
-        left = end - datetime.now(UTC)
-        when = f"{end:%Y-%m-%d %H:%M:%S} UTC"
+        left, when = self.life.left(now), f"{self.life.end:%Y-%m-%d %H:%M:%S} UTC"
         if left <= timedelta(0):
-            self._say(f"certificate {self._files.certificate} expired {when}", expired=True)
-        elif left < min(WARN_BEFORE, (end - start) / WARN_PART):
-            days = left / timedelta(days=1)
-            self._say(f"certificate {self._files.certificate} ends in {days:.1f} days, {when}")
+            self._say(f"certificate {path} expired {when}", expired=True)
+        elif self.life.is_near_end(now):
+            self._say(f"certificate {path} ends in {left / timedelta(days=1):.1f} days, {when}")
 
     def _say(self, what: str, *, expired: bool = False) -> None:
         now_s, again_s = self._now_s(), _SAY_EXPIRED_AGAIN_S if expired else _SAY_AGAIN_S
@@ -80,3 +80,9 @@ class CertificateWatch:
                 what,
             )
             self._said_s, self._said_expired = now_s, expired
+
+
+def _first_to_renew(files: CertificateFiles, now: datetime) -> tuple[Life, Path]:
+    """Of the certificates that a service needs, the one whose end is near, or else the one that ends first."""
+    lives = [(facts_of(path).life, path) for path in (files.certificate, files.authority)]
+    return min(lives, key=lambda each: (not each[0].is_near_end(now), each[0].end))

@@ -10,9 +10,9 @@ import zenoh
 
 from bpn_shared.bus.declared import Declared
 from bpn_shared.bus.session import Bus
+from bpn_shared.counters import Counters
 from bpn_shared.errors import one_line
 from bpn_shared.messages.base import MessageError
-from bpn_shared.service import Counters
 
 _ANSWER, _REFUSAL = b"\x00", b"\x01"
 

@@ -5,22 +5,25 @@ import json
 import logging
 import threading
 import time
-from ipaddress import ip_address
 from pathlib import Path, PurePosixPath
 
 import zenoh
 
 from bpn_shared.backoff import Backoff
+from bpn_shared.bus.address import is_loopback
 from bpn_shared.bus.certificates import CertificateError, CertificateFiles
+from bpn_shared.bus.endpoint import check_endpoint
 from bpn_shared.bus.obstacle import obstacle, own_obstacle, plain
 from bpn_shared.bus.renewal import CertificateWatch
 from bpn_shared.bus.router_config import SECURE_ENDPOINT, bare, secure
 from bpn_shared.bus.session import DEFAULT_ENDPOINT, prepare_process
 from bpn_shared.bus.session_shares import SessionShares
-from bpn_shared.config import ConfigError
+from bpn_shared.counters import Counters
 from bpn_shared.errors import InputError
-from bpn_shared.heartbeat import Heartbeat
-from bpn_shared.service import Counters, end_with_supervisor, set_up_logging, stop_on_signals
+from bpn_shared.runtime.heartbeat import Heartbeat
+from bpn_shared.runtime.service import end_with_supervisor, set_up_logging, stop_on_signals
+from bpn_shared.spec.config import ConfigError
+from bpn_shared.version_option import add_version_option
 
 log = logging.getLogger("bpn_router")
 
@@ -47,8 +50,7 @@ def configure(
             each role may do what the table of access says.
 
     Raises:
-        ConfigError: others could reach it, and it asks for no certificates.
-        zenoh.ZError: the file is none.
+        InputError: an endpoint or the file is none, or others could reach it and it asks for no certificates.
     """
     if certificates is not None:
         files = CertificateFiles.in_folder(certificates)
@@ -61,10 +63,12 @@ def configure(
         config = zenoh.Config.from_json5(json.dumps(bare()))
         endpoint = endpoint or DEFAULT_ENDPOINT
     else:
-        config = zenoh.Config.from_file(str(config_file))
+        config = _from_file(config_file)
     if endpoint is not None:
+        check_endpoint(endpoint)
         config.insert_json5("listen/endpoints", json.dumps([endpoint]))
     if upstream is not None:
+        check_endpoint(upstream)
         config.insert_json5("connect/endpoints", json.dumps([upstream]))
     asks_who = json.loads(config.get_json("transport/link/tls"))["enable_mtls"]
     for open_door in filter(lambda e: not is_local(e), endpoints(config)):
@@ -74,6 +78,13 @@ def configure(
                 "listen on loopback, or on tls/ with --certificates (or a file like deploy/router/router.json5)"
             )
     return config
+
+
+def _from_file(path: Path) -> zenoh.Config:
+    try:
+        return zenoh.Config.from_file(str(path))
+    except zenoh.ZError as error:
+        raise InputError(f"{path}: {plain(error)}") from error
 
 
 def endpoints(config: zenoh.Config) -> list[str]:
@@ -90,12 +101,7 @@ def is_local(endpoint: str) -> bool:
     if protocol == "unixsock-stream":
         return True
     host = address.rpartition(":")[0].strip("[]")
-    if host == "localhost":
-        return True
-    try:
-        return ip_address(host).is_loopback
-    except ValueError:
-        return False
+    return is_loopback(host)
 
 
 def certificate_files(config: zenoh.Config) -> CertificateFiles | None:
@@ -158,6 +164,7 @@ def _own_door(endpoint: str) -> str:
 def main(argv: list[str] | None = None) -> int:
     """Runs the router until SIGINT or SIGTERM. Exit status: 0 stopped, 2 it cannot listen there."""
     parser = argparse.ArgumentParser(prog="bpn-router", description=__doc__)
+    add_version_option(parser)
     parser.add_argument(
         "--listen", help=f"endpoint (default: as the file says, else {DEFAULT_ENDPOINT})"
     )

@@ -10,7 +10,7 @@ from collections.abc import Iterable
 from pathlib import PurePosixPath
 from typing import Any, get_args
 
-from bpn_shared.access import (
+from bpn_shared.bus.access import (
     CHANNELS,
     ENVELOPE_BYTES,
     EVERYTHING,
@@ -141,7 +141,7 @@ def size_limits() -> list[Config]:
 
 def render(config: Config) -> str:
     """The configuration as a JSON5 file."""
-    head = "// Generated from bpn_shared/access.py: python -m bpn_shared.bus.router_config\n"
+    head = "// Generated from bpn_shared/bus/access.py: python -m bpn_shared.bus.router_config\n"
     return f"{head}{_lines(config)}\n"
 
 

@@ -11,7 +11,10 @@ from bpn_shared.bus.certificates import own_certificates
 from bpn_shared.bus.obstacle import obstacle
 from bpn_shared.bus.renewal import CertificateWatch
 from bpn_shared.bus.session import Bus, BusError
-from bpn_shared.service import Counters, Waiting
+from bpn_shared.bus.x509 import Life
+from bpn_shared.closing import Closing
+from bpn_shared.counters import Counters
+from bpn_shared.waiting import Waiting
 
 log = logging.getLogger(__name__)
 
@@ -56,13 +59,17 @@ class Outage:
         return lost_s
 
 
-class RouterWatch:
+class RouterWatch(Closing):
     """Looks once a second whether a session has its router, from a thread of its own.
 
     Args:
         waiting: is told that nothing goes on without the router.
         counters: `router_lost` is counted here.
         say_after_s: for how long it must be lost before that is said.
+        certificates: whether it says as well when the session's certificates are near their end.
+
+    Attributes:
+        why: it is lost, where that is known; empty: it is not, or nobody can say why.
     """
 
     def __init__(
@@ -73,21 +80,27 @@ class RouterWatch:
         *,
         period_s: float = PERIOD_S,
         say_after_s: float = SAY_AFTER_S,
+        certificates: bool = True,
     ) -> None:
         self._bus, self._waiting, self._counters = bus, waiting, counters
         self._period_s, self._say_after_s = period_s, say_after_s
         self._outage = Outage(now_s())
         self._lock = threading.Lock()
         self._holders: dict[threading.Event, tuple[float, list[str]]] = {}
-        files = own_certificates() if bus.endpoint.startswith("tls/") else None
+        files = own_certificates() if certificates and bus.endpoint.startswith("tls/") else None
         self._certificate = None if files is None else CertificateWatch(files)
         self._said: str | None = None
-        self._why = ""
+        self.why = ""
         self._backoff = Backoff(2.0, 60.0)
         self._look_why_s = 0.0
         self._closed = threading.Event()
         self._thread = threading.Thread(target=self._watch, name="router watch", daemon=True)
         self._thread.start()
+
+    @property
+    def certificate(self) -> Life | None:
+        """For how long the certificates are good with which the router is reached; None: without any."""
+        return None if self._certificate is None else self._certificate.life
 
     @contextlib.contextmanager
     def holding_for(self, after_s: float, stop: threading.Event) -> Iterator[None]:
@@ -111,8 +124,8 @@ class RouterWatch:
         while not self._closed.wait(self._period_s):
             try:
                 self._look()
-            except Exception:
-                log.exception("watching the router failed")
+            except Exception as error:
+                self._counters.fault("router_watch_failed", "watching the router", error)
 
     def _look(self) -> None:
         if self._certificate is not None:
@@ -136,7 +149,7 @@ class RouterWatch:
                         f"this process stood still for {lost_s:.0f} s"
                         if self._outage.stood_still_s
                         else f"the router at {self._bus.endpoint} is lost for {lost_s:.0f} s"
-                        + (f": {self._why}" if self._why else "")
+                        + (f": {self.why}" if self.why else "")
                     )
                     stop.set()
 
@@ -144,31 +157,25 @@ class RouterWatch:
         if self._said is None:
             self._counters.add("router_lost")
             self._backoff.reset()
-            self._look_why_s, self._why, self._since_s = 0.0, "", t_s - lost_s
+            self._look_why_s, self.why, self._since_s = 0.0, "", t_s - lost_s
         elif t_s < self._look_why_s:
             return
         self._look_why_s = t_s + self._backoff.next_s()
-        self._why = obstacle(self._bus.endpoint)
-        what = f"the router at {self._bus.endpoint}" + (f": {self._why}" if self._why else "")
+        self.why = obstacle(self._bus.endpoint)
+        what = f"the router at {self._bus.endpoint}" + (f": {self.why}" if self.why else "")
         if what != self._said:
             log.warning("lost %s", what)
             self._said = what
             self._waiting.obstruct(what)
 
     def _found(self) -> None:
+        self._said, self.why = None, ""
+        self._waiting.obstruct(None)
         log.warning(
             "the router at %s is back after %.0f s", self._bus.endpoint, now_s() - self._since_s
         )
-        self._said = None
-        self._waiting.obstruct(None)
 
     def close(self) -> None:
         """Looks no more."""
         self._closed.set()
         self._thread.join()
-
-    def __enter__(self) -> "RouterWatch":
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()

@@ -4,7 +4,6 @@ The one who has something to show only leaves it; encoding and sending are anoth
 while nobody subscribes.
 """
 
-import logging
 import threading
 from collections.abc import Callable
 from typing import Generic, TypeVar
@@ -13,8 +12,7 @@ import zenoh
 
 from bpn_shared.bus.session import Bus
 from bpn_shared.bus.signal import Signal
-
-log = logging.getLogger(__name__)
+from bpn_shared.counters import Counters
 
 Item = TypeVar("Item")
 Encode = Callable[[Item], tuple[bytes, bytes | None]]
@@ -27,12 +25,17 @@ class SampledPublisher(Generic[Item]):
 
     One thread offers.
 
+    Args:
+        counters: `items_not_published` is counted here.
+
     Attributes:
         watched: whether anybody subscribes; no use offering otherwise.
     """
 
-    def __init__(self, bus: Bus, key: str, rate_hz: float, encode: Encode[Item]) -> None:
-        self._period_s, self._encode = 1 / rate_hz, encode
+    def __init__(
+        self, bus: Bus, key: str, rate_hz: float, encode: Encode[Item], counters: Counters
+    ) -> None:
+        self._period_s, self._encode, self._counters = 1 / rate_hz, encode, counters
         self._item: Item | None = None
         self._news = Signal()
         self._closed = threading.Event()
@@ -73,8 +76,9 @@ class SampledPublisher(Generic[Item]):
                 payload, attachment = self._encode(item)
                 self._publisher.put(payload, attachment=attachment)
                 self._sent.add(len(payload))
-            except Exception:
-                log.exception("an item for %s was not published", self._publisher.key_expr)
+            except Exception as error:
+                doing = f"publishing at {self._publisher.key_expr}"
+                self._counters.fault("items_not_published", doing, error)
             self._closed.wait(self._period_s)
 
     def close(self) -> None:

@@ -6,15 +6,15 @@ import sys
 import threading
 import time
 from collections.abc import Callable
-from types import TracebackType
-from typing import Self
 
 import zenoh
 
 from bpn_shared.backoff import Backoff
 from bpn_shared.bus.certificates import client_tls
+from bpn_shared.bus.endpoint import check_endpoint
 from bpn_shared.bus.obstacle import obstacle, plain
 from bpn_shared.bus.traffic import Traffic
+from bpn_shared.closing import Closing
 
 log = logging.getLogger(__name__)
 
@@ -34,6 +34,7 @@ class BusError(RuntimeError):
 
 
 def _client_config(endpoint: str) -> zenoh.Config:
+    check_endpoint(endpoint)
     return zenoh.Config.from_json5(
         json.dumps(
             {
@@ -58,7 +59,7 @@ def _client_config(endpoint: str) -> zenoh.Config:
     )
 
 
-class Bus:
+class Bus(Closing):
     """One session as a client of the router. Use as a context manager: an unclosed one keeps the process.
 
     Args:
@@ -70,7 +71,7 @@ class Bus:
 
     Raises:
         BusError: no router at the endpoint within the deadline, or `stop` was set.
-        CertificateError: the endpoint needs certificates, and there are none.
+        InputError: it is no endpoint, or it needs certificates, and there are none.
     """
 
     def __init__(
@@ -85,17 +86,6 @@ class Bus:
         self._ends: list[Callable[[], None]] = []
         self.traffic = traffic or Traffic()
         self.zenoh = _open(endpoint, deadline_s, stop or threading.Event())
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        self.close()
 
     def before_close(self, end: Callable[[], None]) -> None:
         """Has `end` called before the session ends: for threads that use it."""

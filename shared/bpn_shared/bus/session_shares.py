@@ -15,7 +15,7 @@ from pathlib import Path
 import zenoh
 
 from bpn_shared.bus.declared import Declared
-from bpn_shared.service import Counters
+from bpn_shared.counters import Counters
 
 _DESCRIPTORS = Path("/dev/fd")
 

@@ -1,28 +1,31 @@
 """How services are, once a second: sent while anyone listens, received by who shows it."""
 
-import logging
 import threading
 from collections.abc import Callable
 
 import zenoh
 
-from bpn_shared import keys
+from bpn_shared.bus import keys
 from bpn_shared.bus.session import Bus
 from bpn_shared.bus.watch import Watch
+from bpn_shared.counters import Counters
 from bpn_shared.messages.base import MessageError
 from bpn_shared.messages.telemetry import Telemetry
-from bpn_shared.service import Counters
-
-log = logging.getLogger(__name__)
 
 PERIOD_S = 1.0
 
 
 class TelemetryPublisher:
-    """Sends a service's report every second, at the latest until its session ends."""
+    """Sends a service's report every second, at the latest until its session ends.
 
-    def __init__(self, bus: Bus, kind: str, worker: str, report: Callable[[], Telemetry]) -> None:
-        self._report = report
+    Args:
+        counters: `reports_failed` is counted here.
+    """
+
+    def __init__(
+        self, bus: Bus, kind: str, worker: str, report: Callable[[], Telemetry], counters: Counters
+    ) -> None:
+        self._report, self._counters = report, counters
         self._closed = threading.Event()
         self._publisher = bus.zenoh.declare_publisher(
             keys.telemetry(kind, worker),
@@ -38,8 +41,8 @@ class TelemetryPublisher:
             try:
                 if self._publisher.matching_status.matching:  # type: ignore[attr-defined]
                     self._publisher.put(self._report().encode())
-            except Exception:
-                log.exception("a telemetry report failed")
+            except Exception as error:
+                self._counters.fault("reports_failed", "a telemetry report", error)
             self._closed.wait(PERIOD_S)
 
     def close(self) -> None:

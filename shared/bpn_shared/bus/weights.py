@@ -8,13 +8,8 @@ from uuid import UUID
 
 import zenoh
 
-from bpn_shared import keys
-from bpn_shared.algorithms import NetworkKind
-from bpn_shared.bnn.blob import BlobError
-from bpn_shared.bnn.spec import NetworkSpec
-from bpn_shared.bus.session import Bus
-from bpn_shared.service import Counters
-from bpn_shared.weights import (
+from bpn_shared.bnn.envelope import BlobError
+from bpn_shared.bnn.weights import (
     Rank,
     Weights,
     decode_weights,
@@ -22,6 +17,11 @@ from bpn_shared.weights import (
     network_kind,
     rank_of,
 )
+from bpn_shared.bus import keys
+from bpn_shared.bus.session import Bus
+from bpn_shared.counters import Counters
+from bpn_shared.spec.algorithms import NetworkKind
+from bpn_shared.spec.network import NetworkSpec
 
 log = logging.getLogger(__name__)
 

@@ -6,7 +6,7 @@ about. Who is trusted is decided by TLS alone, not here.
 
 import ssl
 from collections.abc import Iterator
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 from ipaddress import ip_address
 from pathlib import Path
 from typing import NamedTuple
@@ -20,6 +20,26 @@ _COMMON_NAME, _SERVER_NAMES = (
 _BEGIN, _END = "-----BEGIN CERTIFICATE-----", "-----END CERTIFICATE-----"
 
 
+WARN_BEFORE = timedelta(days=30)
+WARN_PART = 4
+"""Of certificates that live shorter, only the last quarter of their life is near the end."""
+
+
+class Life(NamedTuple):
+    """From when to when a certificate is good."""
+
+    start: datetime
+    end: datetime
+
+    def left(self, now: datetime) -> timedelta:
+        """Until its end; below 0: it has expired."""
+        return self.end - now
+
+    def is_near_end(self, now: datetime) -> bool:
+        """Whether people should hear of it; true as well of one that has expired."""
+        return self.left(now) < min(WARN_BEFORE, (self.end - self.start) / WARN_PART)
+
+
 class CertificateFacts(NamedTuple):
     """What a certificate says of itself."""
 
@@ -28,6 +48,11 @@ class CertificateFacts(NamedTuple):
     end: datetime
     server_names: frozenset[str]
     """DNS names and IP addresses by which it may be reached."""
+
+    @property
+    def life(self) -> Life:
+        """From when to when it is good."""
+        return Life(self.start, self.end)
 
 
 def facts(der: bytes) -> CertificateFacts:

@@ -1,11 +1,11 @@
 """Requests between services: reset of a robot, hand-out of episodes, acknowledgements."""
 
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
-from pydantic import Field
+from pydantic import Field, Strict
 
-from bpn_shared.config import Policy
 from bpn_shared.messages.base import ULONG, Message
+from bpn_shared.spec.config import Policy
 
 Count = Annotated[int, Field(ge=0, lt=2**32)]
 Seed = Annotated[int, Field(ge=0, lt=ULONG)]
@@ -13,6 +13,8 @@ WorkerId = Annotated[str, Field(min_length=1, max_length=64, pattern=r"^[a-z0-9-
 MAX_REASON = 500
 Reason = Annotated[str, Field(max_length=MAX_REASON)]
 Version = Annotated[str, Field(max_length=64)]
+EpisodeName = Annotated[tuple[Count, Count], Strict(False)]
+"""(iteration, episode); a list on the wire, which msgpack has for both."""
 
 
 class Reset(Message):
@@ -33,10 +35,15 @@ class ResetReply(Message):
 class NextEpisode(Message):
     """edge -> learner: what shall slot play next?"""
 
+    SCHEMA: ClassVar[int] = 2
+    OLDER_SCHEMAS: ClassVar[frozenset[int]] = frozenset({1})
+
     slot: Count
     worker: WorkerId
     weights_version: Count | None = None
     """The newest that the edge has loaded and verified; None: none yet."""
+    in_hand: EpisodeName | None = None
+    """Played, and delivered while the next one is played: not to be given to this slot again. None: nothing."""
 
 
 class Assignment(Message):

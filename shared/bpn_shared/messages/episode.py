@@ -11,6 +11,7 @@ from typing import Any, Self, cast
 import numpy as np
 import numpy.typing as npt
 
+from bpn_shared.bnn.outputs import Outputs
 from bpn_shared.messages.base import MessageError
 from bpn_shared.messages.episode_form import (
     MAX_BYTES,
@@ -20,8 +21,7 @@ from bpn_shared.messages.episode_form import (
     pack,
     unpack,
 )
-from bpn_shared.outputs import Outputs
-from bpn_shared.tasks import Task
+from bpn_shared.spec.tasks import Task
 
 __all__ = ["MAX_BYTES", "Episode", "EpisodeMeta", "decode_meta"]
 

@@ -3,8 +3,8 @@
 import struct
 from typing import NamedTuple
 
-from bpn_shared.bnn.spec import IMAGE_SIZE_PX
 from bpn_shared.messages.base import MessageError, OtherVersionError
+from bpn_shared.spec.network import IMAGE_SIZE_PX
 
 SCHEMA = 1
 MAX_CHANNELS = 64

@@ -11,6 +11,8 @@ Kind = Annotated[str, Field(min_length=1, max_length=32, pattern=r"^[a-z0-9_]+$"
 Name = Annotated[str, Field(min_length=1, max_length=64, pattern=r"^[a-z0-9_.]+$")]
 Natural = Annotated[int, Field(ge=0, lt=ULONG)]
 NotNegative = Annotated[float, Field(ge=0)]
+UnixTime = Annotated[float, Field(ge=-3e11, le=3e11)]
+"""Seconds; years of four digits."""
 Text = Annotated[str, Field(max_length=255)]
 WeightsEvent = Literal["published", "loaded", "running"]
 
@@ -43,6 +45,13 @@ class WeightsMark(Message):
     time_ns: Natural
 
 
+class CertificateLife(Message):
+    """From when to when a service's certificates are good, unix seconds."""
+
+    start_unix_s: UnixTime
+    end_unix_s: UnixTime
+
+
 class Telemetry(Message):
     """How a service is.
 
@@ -59,10 +68,11 @@ class Telemetry(Message):
         latencies: of the last seconds, by name (docs/metrics.md).
         refusals: by counter, why the newest of what it counts was refused.
         version, protocol: of the program (`bpn_shared.version`); empty and 1 of one that did not tell.
+        certificate: of its certificates on the bus, the life of the one to renew first; None: it has none.
     """
 
-    SCHEMA = 2
-    OLDER_SCHEMAS = frozenset({1})
+    SCHEMA = 3
+    OLDER_SCHEMAS = frozenset({1, 2})
 
     kind: Kind
     worker: WorkerId
@@ -84,3 +94,4 @@ class Telemetry(Message):
     refusals: Annotated[dict[Name, Reason], Field(max_length=20)] = Field(default_factory=dict)
     version: Version = ""
     protocol: Count = 1
+    certificate: CertificateLife | None = None

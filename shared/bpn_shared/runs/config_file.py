@@ -7,8 +7,8 @@ not say is what the program did that wrote it, never what is the default today.
 from collections.abc import Callable
 from typing import Any
 
-from bpn_shared.config import ConfigError, RunConfig
 from bpn_shared.runs.digests import DamagedError, seal, unseal
+from bpn_shared.spec.config import ConfigError, RunConfig
 from bpn_shared.version import VERSION, written_by
 
 SCHEMA = 2

@@ -8,9 +8,9 @@ same values in the same words, before anything is written or started.
 from collections.abc import Mapping
 from typing import Any, Literal, Protocol
 
-from bpn_shared.config import ConfigError, RunConfig, preset_of
 from bpn_shared.messages.probe import ProbeReply, ProbeRequest
-from bpn_shared.tasks import is_gym
+from bpn_shared.spec.config import ConfigError, RunConfig, preset_of
+from bpn_shared.spec.tasks import is_gym
 
 _ANY_ACTIONS = 2
 """|A| that stands in for one that is not known yet, while the other values are checked."""

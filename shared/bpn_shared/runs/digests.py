@@ -64,11 +64,21 @@ def unseal_line(line: bytes) -> tuple[dict[str, Any], bool]:
     Raises:
         DamagedError: no JSON object, or not the one that was written.
     """
+    has_digest = check_line(line)
+    record = _parse(line)
+    return {name: value for name, value in record.items() if name != _KEY}, has_digest
+
+
+def check_line(line: bytes) -> bool:
+    """Whether a line bears a digest, which then is right; for readers with a parser of their own.
+
+    Raises:
+        DamagedError: it is not what was written.
+    """
     match = _SEALED_LINE.fullmatch(line)
     if match is not None and match[2].decode() != _line_digest(match[1]):
         raise DamagedError("it was changed after it was written: its sha256 is another one")
-    record = _parse(line)
-    return {name: value for name, value in record.items() if name != _KEY}, match is not None
+    return match is not None
 
 
 def arrays_digest(arrays: Iterable[tuple[str, str, Sequence[int], bytes]]) -> str:

@@ -22,7 +22,7 @@ from pathlib import Path, PurePath
 from typing import Any, BinaryIO, Self
 from uuid import UUID
 
-from bpn_shared.config import ConfigError, RunConfig
+from bpn_shared.bnn.weights import Weights, decode_weights
 from bpn_shared.runs.config_file import (
     config_schema,
     config_writer,
@@ -34,10 +34,11 @@ from bpn_shared.runs.digests import seal_line
 from bpn_shared.runs.files import Prove, append_line, free, write_atomically
 from bpn_shared.runs.lines import RecordFile
 from bpn_shared.runs.lock import OwnershipLostError, RunOwnedError, is_locked, locked
-from bpn_shared.runs.opening import file_names, folder_names, open_file, read_file
+from bpn_shared.runs.opening import file_names, folder_names, is_run_id, open_file, read_file
 from bpn_shared.runs.ownership import Ownership
-from bpn_shared.runs.state import STATES, RunState, State, decode_state, encode_state
-from bpn_shared.weights import Weights, decode_weights
+from bpn_shared.runs.state import OVER, STATES, RunState, State, decode_state, encode_state
+from bpn_shared.runs.trash import Trash
+from bpn_shared.spec.config import ConfigError, RunConfig
 
 __all__ = [
     "STATES",
@@ -92,6 +93,11 @@ class RunFolder:
         names = [folder.path.name for folder in folders if folder.has("config.json")]
         matches = [name for name in names if name.startswith(run) or name.endswith(run)]
         if not matches:
+            for name in Trash(runs_dir).names():
+                if name.startswith(run) or name.endswith(run):
+                    raise ConfigError(
+                        f"run {name} is in the trash: `bpn runs restore {name}` brings it back"
+                    )
             there = f"the newest are: {_listed(names)}" if names else "there are none"
             raise ConfigError(f"no run in {runs_dir} matches {run!r}; {there}")
         if len(matches) > 1:
@@ -227,7 +233,7 @@ class RunFolder:
         """
         with self.owned(by, patience_s=0.0):
             found = self.state()
-            if found.state in ("finished", "failed", state):
+            if found.state in (*OVER, state):
                 return found
             try:
                 return self.set_state(state, error=error)
@@ -370,11 +376,3 @@ def run_folders(runs_dir: Path) -> Iterator[RunFolder]:
         folder = RunFolder(runs_dir / name)
         if folder.is_complete():
             yield folder
-
-
-def is_run_id(name: str) -> bool:
-    """Whether a name is a run's id, in the one spelling that counts."""
-    try:
-        return str(UUID(name)) == name
-    except ValueError:
-        return False

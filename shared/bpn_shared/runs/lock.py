@@ -6,6 +6,7 @@ old owner from writing when it thaws is the attempt (`bpn_shared.runs.ownership`
 """
 
 import contextlib
+import errno
 import fcntl
 import os
 import secrets
@@ -15,12 +16,15 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
-from bpn_shared.config import ConfigError
+from bpn_shared.runs.opening import open_folder
+from bpn_shared.spec.config import ConfigError
 
 SILENT_S = 30.0
 _TOUCH_S = 3.0
 _TOUCHED = f"touches this file every {_TOUCH_S:g} s"
 """What the second line says: owners of older versions do not, and are never silent."""
+_FOREIGN = (errno.ELOOP, errno.EISDIR, errno.ENXIO)
+_FULL = (errno.ENOSPC, errno.EDQUOT)
 
 
 class RunOwnedError(RuntimeError):
@@ -59,6 +63,39 @@ def locked(path: Path, owner: str, patience_s: float) -> Iterator[None]:
         os.close(descriptor)
 
 
+@contextlib.contextmanager
+def kept_from_owners(path: Path, patience_s: float = 0.5) -> Iterator[None]:
+    """Nobody is or becomes the owner while the body runs. Nothing is written, so that a full disk is no obstacle.
+
+    The body may move the folder: whoever waited for the lock then finds none where it was.
+
+    Raises:
+        RunOwnedError: somebody is.
+        FileNotFoundError: there is no such folder.
+        OSError, ConfigError: as of `locked`, or the folder is a link.
+    """
+    with open_folder(path.parent.parent, path.parent.name) as folder:
+        flags = os.O_RDWR | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC
+        made = True
+        try:
+            os.close(os.open(path.name, flags, 0o666, dir_fd=folder))
+        except FileExistsError:
+            made = False
+        except OSError as error:
+            if error.errno not in _FULL:
+                raise
+            yield  # what cannot be made now has no owner
+            return
+        descriptor = _acquire(path, patience_s)
+        try:
+            yield
+        finally:
+            if made:
+                with contextlib.suppress(FileNotFoundError):
+                    os.unlink(path.name, dir_fd=folder)
+            os.close(descriptor)
+
+
 def is_locked(path: Path) -> bool:
     """Whether somebody holds the lock and is not silent.
 
@@ -92,7 +129,7 @@ def _acquire(path: Path, patience_s: float) -> int:
             if time.monotonic() > deadline_s:
                 raise RunOwnedError(
                     f"run {path.parent.name} is being learned by {_owner(descriptor) or 'another learner'}: "
-                    "wait for its end or stop it there"
+                    f"wait for its end, or stop it there (`bpn runs stop {path.parent.name}`)"
                 )
         except BaseException:
             os.close(descriptor)
@@ -119,10 +156,11 @@ def _replace(path: Path) -> int:
 def _open(path: Path, flags: int) -> int:
     try:
         descriptor = os.open(path, flags | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC, 0o666)
-    except FileNotFoundError:
-        raise
     except OSError as error:
-        raise ConfigError(f"{path}: {error.strerror}; remove it, it is no lock file") from error
+        if error.errno in (errno.ENOENT, *_FULL):
+            raise
+        remedy = "; remove it, it is no lock file" if error.errno in _FOREIGN else ""
+        raise ConfigError(f"{path}: {error.strerror}{remedy}") from error
     if not stat.S_ISREG(os.fstat(descriptor).st_mode):
         os.close(descriptor)
         raise ConfigError(f"{path} is no regular file: remove it, it is no lock file")

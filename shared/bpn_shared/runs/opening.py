@@ -12,6 +12,7 @@ import stat
 from collections.abc import Iterator
 from pathlib import Path, PurePath
 from typing import BinaryIO
+from uuid import UUID
 
 MAX_READ_BYTES = 256 * 1024 * 1024
 """Of a file that is read as a whole: far more than any of ours has, and less than a machine's memory."""
@@ -101,6 +102,14 @@ def file_names(root: Path, name: str | PurePath = "", *, suffix: str = "") -> li
 def folder_names(root: Path, name: str | PurePath = "") -> list[str]:
     """The names of the directories in a directory, without links to some; else as `file_names`."""
     return _names(root, name, "", of_files=False)
+
+
+def is_run_id(name: str) -> bool:
+    """Whether a name is a run's id, in the one spelling that counts."""
+    try:
+        return str(UUID(name)) == name
+    except ValueError:
+        return False
 
 
 def _names(root: Path, name: str | PurePath, suffix: str, *, of_files: bool) -> list[str]:

@@ -12,15 +12,13 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from bpn_shared.bnn.weights import Weights
 from bpn_shared.runs.files import remove_unfinished, shut_out_appenders, write_atomically
 from bpn_shared.runs.lock import OwnershipLostError
-from bpn_shared.runs.state import RunState, State
-from bpn_shared.weights import Weights
+from bpn_shared.runs.state import ENDED, RunState, State
 
 if TYPE_CHECKING:
     from bpn_shared.runs.folder import RunFolder
-
-_OVER: tuple[State, ...] = ("finished", "failed", "stopped")
 
 
 class Ownership:
@@ -45,7 +43,7 @@ class Ownership:
             found = self.folder.state()
             self.attempt = found.attempt + 1
             self.folder.write_state("running", attempt=self.attempt, owner=self._owner)
-            ended_itself = found.owner and found.state in _OVER
+            ended_itself = found.owner and found.state in ENDED
             if found.attempt and not ended_itself:
                 self._shut_out()
             return self.attempt

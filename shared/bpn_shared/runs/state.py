@@ -4,13 +4,17 @@ from typing import Annotated, Literal, get_args
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from bpn_shared.config import ConfigError
 from bpn_shared.runs.digests import DamagedError, seal, unseal
+from bpn_shared.spec.config import ConfigError
 
 SCHEMA = 2
 
 State = Literal["queued", "running", "stopping", "finished", "failed", "stopped", "lost"]
 STATES: tuple[State, ...] = get_args(State)
+OVER: tuple[State, ...] = ("finished", "failed")
+"""What stands, until somebody wants the run again."""
+ENDED: tuple[State, ...] = (*OVER, "stopped")
+"""What a learner says last."""
 
 _REMEDY = "remove the file to let the run go on as its next attempt"
 

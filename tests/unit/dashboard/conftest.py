@@ -13,7 +13,7 @@ from bpn_dashboard.database.engine import Database, sqlite_url
 from bpn_dashboard.database.tables import Base
 from bpn_dashboard.registry.store import RunStore
 from bpn_dashboard.series.ingest import Ingest
-from bpn_shared.service import Counters
+from bpn_shared.counters import Counters
 
 
 @pytest.fixture(scope="session")

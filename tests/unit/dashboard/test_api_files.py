@@ -22,9 +22,9 @@ from bpn_robot_sim.pan_tilt import geometry as pan_tilt
 from bpn_robot_sim.reaching import geometry as reaching
 from bpn_robot_sim.tracking import geometry as tracking
 from bpn_shared.bnn.blob import WeightBlob
-from bpn_shared.config import RunConfig
 from bpn_shared.messages.episode import Episode, EpisodeMeta
-from bpn_shared.tasks import TASKS
+from bpn_shared.spec.config import RunConfig
+from bpn_shared.spec.tasks import TASKS
 
 
 @pytest.fixture
@@ -80,7 +80,7 @@ def test_curves_come_as_json_and_as_binary(client, run) -> None:
 
 
 def test_a_curve_is_as_far_as_the_row_that_was_announced(client, store, context) -> None:
-    store.subscribe(context.ingest.take_in)
+    store.audience.subscribe(context.ingest.take_in)
     row = store.create(RunConfig.for_task("reaching"), actor="test")
     context.ingest.poll()  # it looks for new files again in two seconds
     store.folder(row.id).append_metrics({"iteration": 0, "return_px": -1.5})

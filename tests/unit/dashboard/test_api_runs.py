@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from bpn_dashboard.access.guard import MAX_BODY_BYTES
 from bpn_dashboard.api.pages import Cursors
 from bpn_dashboard.api.problems import ApiError
-from bpn_shared.config import RunConfig
+from bpn_shared.spec.config import RunConfig
 
 
 def create(client, **values):

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from bpn_shared.config import RunConfig
+from bpn_shared.spec.config import RunConfig
 
 RETURNS = {0: -362.0, 1: -391.0, 2: -430.0}
 """Of each seed; a run's is the same whenever it is made."""

@@ -10,8 +10,9 @@ from starlette.requests import Request
 from starlette.responses import PlainTextResponse
 
 from bpn_dashboard.access.connections import Connections
-from bpn_dashboard.access.guard import Guard, is_loopback
-from bpn_shared.service import Counters
+from bpn_dashboard.access.guard import Guard
+from bpn_shared.bus.address import is_loopback
+from bpn_shared.counters import Counters
 
 LIMIT = 100
 

@@ -2,14 +2,14 @@
 
 from sqlalchemy.exc import OperationalError
 
-from bpn_shared.config import RunConfig
+from bpn_shared.spec.config import RunConfig
 
 
 def test_it_is_shown_and_told_at_once_and_written_later(store, monkeypatch, caplog) -> None:
     row = store.create(RunConfig.for_task("reaching"), actor="test")
     monkeypatch.setattr(store._database, "writing", full)
     told = []
-    store.subscribe(told.extend)
+    store.audience.subscribe(told.extend)
     for reason in ("room on the disk", "more room on the disk"):
         (seen,) = store.observe({row.id: {"waiting_reason": reason}})
         assert seen.waiting_reason == store.get(row.id).waiting_reason == reason

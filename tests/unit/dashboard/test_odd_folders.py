@@ -13,9 +13,9 @@ from bpn_dashboard.api.context import Context
 from bpn_dashboard.registry.query import RunFilter
 from bpn_dashboard.registry.store import RunStore
 from bpn_dashboard.series.ingest import Ingest
-from bpn_shared.config import RunConfig
+from bpn_shared.counters import Counters
 from bpn_shared.runs.folder import RunFolder
-from bpn_shared.service import Counters
+from bpn_shared.spec.config import RunConfig
 
 CONFIG = RunConfig.for_task("reaching", seed=3, nodes=24)
 GOOD, ODD = UUID(int=0xABC), UUID(int=0xDEF)

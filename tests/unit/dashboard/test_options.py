@@ -4,7 +4,7 @@ import pytest
 
 from bpn_certificates.authority import Validity, issue, new_authority
 from bpn_dashboard.options import argument_parser, check_options
-from bpn_shared.config import ConfigError
+from bpn_shared.spec.config import ConfigError
 
 
 @pytest.mark.parametrize(

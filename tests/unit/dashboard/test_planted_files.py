@@ -14,9 +14,9 @@ import pytest
 from bpn_dashboard.hub.log_tail import LogTail
 from bpn_dashboard.registry.about import About
 from bpn_shared.bnn.blob import WeightBlob
-from bpn_shared.config import ConfigError, RunConfig
 from bpn_shared.messages.episode import Episode, EpisodeMeta
 from bpn_shared.runs.folder import RunFolder
+from bpn_shared.spec.config import ConfigError, RunConfig
 
 pytestmark = pytest.mark.timeout(60)  # a pipe that blocks is a failure
 

@@ -7,9 +7,9 @@ from bpn_dashboard.registry.leases import Demand, LeaseBook, Place
 from bpn_dashboard.registry.setbacks import GiveBack, Setbacks
 from bpn_dashboard.registry.versions import FORGET_S, Refusals, Refused, why_refused
 from bpn_shared.messages.lease import LeaseRequest
-from bpn_shared.service import new_worker_id
+from bpn_shared.runtime.service import new_worker_id
+from bpn_shared.runtime.watchdog import Circumstances
 from bpn_shared.version import PROTOCOL, VERSION
-from bpn_shared.watchdog import Circumstances
 
 A = UUID(int=1)
 
@@ -85,6 +85,14 @@ def test_of_a_run_without_a_learner_only_learners_that_are_refused_are_told() ->
     assert known.disk == "full"
 
 
+def test_a_run_whose_router_another_dashboard_serves_waits_for_nothing_else() -> None:
+    said = "another dashboard (host, pid 12) serves this router: read-only"
+    book = book_of(Demand(A, 1))
+    assert around(A, book, Queue.of(book), Setbacks(), now_s=0.0, read_only=said).queue == said
+    book.appeared(Place(A, "learner", 0), "l0", 0.0)  # the other one's, of a folder of both
+    assert around(A, book, Queue.of(book), Setbacks(), now_s=0.0, read_only=said).queue == ""
+
+
 def test_a_refused_worker_is_told_what_to_install_and_remembered_while_it_asks() -> None:
     asked = LeaseRequest(role="edge", worker="edge-12", version="0.0.9")
     reason = why_refused(asked)
@@ -94,8 +102,8 @@ def test_a_refused_worker_is_told_what_to_install_and_remembered_while_it_asks()
     assert why_refused(asked.model_copy(update={"protocol": PROTOCOL})) is None
     assert "a bpn that does not tell" in str(why_refused(asked.model_copy(update={"version": ""})))
     refusals = Refusals()
-    refusals.note(asked, reason, 0.0)
-    refusals.note(asked, reason, 60.0)
+    refusals.note("edge", "edge-12", reason, 0.0)
+    refusals.note("edge", "edge-12", reason, 60.0)
     (refused,) = refusals.current(60.0 + FORGET_S)
     assert (refused.worker, refused.reason, refused.at_s) == ("edge-12", reason, 60.0)
     assert refusals.current(60.1 + FORGET_S) == []

@@ -20,7 +20,7 @@ from bpn_dashboard.database.engine import (
 from bpn_dashboard.database.series_tables import ChunkRow
 from bpn_dashboard.database.tables import AuditRow, Base
 from bpn_dashboard.registry.store import RunStore
-from bpn_shared.config import RunConfig
+from bpn_shared.spec.config import RunConfig
 
 
 def pragma(file: Path, name: str) -> object:

@@ -11,12 +11,12 @@ from bpn_dashboard.database.tables import RunRow
 from bpn_dashboard.registry import desk as module
 from bpn_dashboard.registry.desk import LeaseDesk
 from bpn_dashboard.registry.leases import Place
-from bpn_shared import keys
+from bpn_shared.bus import keys
 from bpn_shared.bus.requests import RefusedError
-from bpn_shared.config import RunConfig
+from bpn_shared.counters import Counters
 from bpn_shared.messages.lease import GiveBack, LeaseReply, LeaseRequest, Role
 from bpn_shared.runs.folder import RunFolder
-from bpn_shared.service import Counters
+from bpn_shared.spec.config import RunConfig
 from bpn_shared.version import PROTOCOL
 
 RUN, OTHER = UUID(int=1), UUID(int=2)

@@ -72,6 +72,12 @@ class Candidates(RuleBasedStateMachine):
             self.now_s += 0.5
 
     @invariant()
+    def once_settled_it_serves_or_says_who_does(self) -> None:
+        for candidate in self.there.values():
+            election = candidate.election
+            assert election.settled == (election.serves or election.rival is not None)
+
+    @invariant()
     def who_does_not_serve_says_who_does(self) -> None:
         for candidate in self.there.values():
             assert not (candidate.election.serves and candidate.election.rival)
@@ -99,6 +105,20 @@ def test_who_comes_later_does_not_take_over_however_it_is_called(name: str) -> N
     late.token(key("5"), False, 100.0)
     assert not late.decide(100.0 + MISSED_S - 0.1)  # it may only have lost the router for a moment
     assert late.decide(100.0 + MISSED_S)
+
+
+def test_nobody_begins_to_serve_a_router_that_is_not_reached() -> None:
+    second = Election(key("1"), 0.0)
+    second.token(key("5"), True, 0.1)
+    second.token(key("5"), False, 50.0)  # as all are, without the router
+    assert not second.decide(100.0, connected=False)
+    assert not second.settled
+    second.reconnected(100.0)
+    second.token(key("5"), True, 101.0)
+    assert not second.decide(200.0)
+    alone = Election(key("1"), 0.0)
+    assert alone.decide(SETTLE_S)
+    assert alone.decide(100.0, connected=False)  # who serves goes on
 
 
 def test_who_lost_the_router_for_a_moment_waits_for_others_tokens() -> None:

@@ -4,18 +4,20 @@ from typing import Any
 from uuid import UUID
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from bpn.cli import main
 from bpn_dashboard.database.engine import Database, sqlite_url
 from bpn_dashboard.database.tables import RunRow, SweepRow
+from bpn_dashboard.registry.about import About, SweepFile
 from bpn_dashboard.registry.progress import Progress
 from bpn_dashboard.registry.query import RunFilter
 from bpn_dashboard.registry.store import RunStore
 from bpn_dashboard.registry.workplace import ConnectedWorkers
-from bpn_shared.config import RunConfig
 from bpn_shared.runs.folder import RunFolder
+from bpn_shared.spec.config import ConfigError, RunConfig
 
 CONFIG = RunConfig.for_task("reaching", seed=3, nodes=24)
 
@@ -146,6 +148,38 @@ def test_folders_of_other_programs_are_taken_in_and_watched(store: RunStore) -> 
     (store.runs_dir / str(UUID(int=8)) / "config.json").write_text("{")
     store.adopt()
     assert len(store.find()) == 1
+
+
+def test_a_flipped_bit_of_what_people_said_is_found_and_old_files_are_read(
+    store: RunStore,
+) -> None:
+    row = store.create(CONFIG, name="a name", actor="a")
+    sweep = store.create_sweep(
+        "s",
+        {"task": "reaching"},
+        {"alpha": [0.5]},
+        [1, 2],
+        actor="a",
+        place=ConnectedWorkers(lambda: None, list),
+    )
+    folder = store.folder(row.id)
+    about, of_sweep = folder.path / "about.json", SweepFile.path(store.runs_dir, sweep.id)
+    assert About.read(folder).name == "a name"
+    assert SweepFile.read(store.runs_dir, of_sweep.name).seeds == [1, 2]
+
+    def read() -> None:
+        About.read(folder)
+        SweepFile.read(store.runs_dir, of_sweep.name)
+
+    for file, before, after in ((about, b"a name", b"a nbme"), (of_sweep, b"0.5", b"0.4")):
+        whole = file.read_bytes()
+        file.write_bytes(whole.replace(before, after))
+        with pytest.raises(ConfigError, match=f"{file}: it was changed .* restore it"):
+            read()
+        values = json.loads(whole)
+        del values["sha256"]
+        file.write_text(json.dumps(values))  # as before there were digests
+        read()
 
 
 def test_about_is_what_people_said(store: RunStore) -> None:

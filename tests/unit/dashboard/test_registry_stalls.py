@@ -5,8 +5,8 @@ import pytest
 
 from bpn_dashboard.database.tables import RunRow
 from bpn_dashboard.registry.stalls import NOTHING, Stalls
-from bpn_shared.config import RunConfig
-from bpn_shared.watchdog import STALLED_AFTER_S, Circumstances
+from bpn_shared.runtime.watchdog import STALLED_AFTER_S, Circumstances
+from bpn_shared.spec.config import RunConfig
 
 CONFIG = RunConfig.for_task("reaching").model_dump()
 QUEUED = Circumstances(queue="waits for a learner: 0 connected")

@@ -19,8 +19,8 @@ from bpn_dashboard.registry.errors import (
 from bpn_dashboard.registry.query import SORT_KEYS, RunFilter
 from bpn_dashboard.registry.store import RunStore
 from bpn_dashboard.registry.workplace import ConnectedWorkers
-from bpn_shared.config import ConfigError, RunConfig
 from bpn_shared.runs.folder import RunFolder
+from bpn_shared.spec.config import ConfigError, RunConfig
 
 CONFIG = RunConfig.for_task("reaching", seed=3, nodes=24)
 
@@ -98,7 +98,7 @@ def test_stop_resume_archive_follow_the_rules(store: RunStore) -> None:
 
 def test_listeners_hear_of_every_change_once_it_is_stored(store: RunStore) -> None:
     heard: list[tuple[str, str]] = []
-    store.subscribe(lambda rows: heard.extend((row.id, row.state) for row in rows))
+    store.audience.subscribe(lambda rows: heard.extend((row.id, row.state) for row in rows))
     run = store.create(CONFIG, actor="a").id
     store.observe({run: {"state": "running"}})
     store.observe({run: {"state": "running"}})

@@ -4,8 +4,8 @@ from hypothesis import strategies as st
 
 from bpn_dashboard.registry.sweeps import expand
 from bpn_dashboard.registry.workplace import ConnectedWorkers
-from bpn_shared.config import ConfigError, RunConfig
-from bpn_shared.tasks import TASKS
+from bpn_shared.spec.config import ConfigError, RunConfig
+from bpn_shared.spec.tasks import TASKS
 
 AXES = {
     "alpha": st.floats(0, 1),

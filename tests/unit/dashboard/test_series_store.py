@@ -10,15 +10,21 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from bpn_dashboard.api.records import record_of
 from bpn_dashboard.database.engine import Database
+from bpn_dashboard.registry.progress import Progress
 from bpn_dashboard.series import store
 from bpn_dashboard.series.ingest import Ingest
 from bpn_dashboard.series.lines import parse_lines
 from bpn_dashboard.series.points import Points
 from bpn_dashboard.series.query import Series, SeriesQueries, View
-from bpn_shared.service import Counters
+from bpn_shared.counters import Counters
+from bpn_shared.runs.digests import seal_line
+from bpn_shared.runs.folder import RunFolder
+from bpn_shared.spec.config import RunConfig
 
 RUN = "01a201f9-821b-74c6-95eb-3f4ab1331c4c"
+CONFIG = RunConfig.for_task("reaching")
 
 
 @pytest.fixture
@@ -53,6 +59,37 @@ def stored(database: Database, name: str, run: str = RUN) -> tuple[list[int], li
         assert rows[0].n == len(points.steps)
         assert (rows[0].first, rows[0].last) == (points.steps[0], points.steps[-1])
         return points.steps.tolist(), points.values.tolist()
+
+
+@given(st.data())
+def test_a_line_that_was_changed_since_it_was_written_is_no_data_for_any_reader(
+    tmp_path_factory: pytest.TempPathFactory, data: st.DataObject
+) -> None:
+    """Oracle: every reader says what it said of the file without that line."""
+    written = [
+        {"iteration": n, "weights_version": n, "length": 1.5, "return_px": -20.5 - n}
+        for n in range(3)
+    ]
+    lines = [seal_line(record) for record in written]
+    at = data.draw(st.integers(0, len(lines[1]) - len(b', "sha256": "0123456789abcdef"}') - 1))
+    damaged = bytearray(lines[1])
+    damaged[at] ^= 1 << data.draw(st.integers(0, 7))
+    damaged = bytes(damaged).replace(b"\n", b" ")
+
+    def read(*lines: bytes) -> list[Any]:
+        folder = RunFolder.create(tmp_path_factory.mktemp("runs"), RUN, CONFIG)
+        content = b"".join(line + b"\n" for line in lines)
+        folder.write("metrics.jsonl", content)
+        points = {
+            name: (p.steps.tolist(), p.values.tolist())
+            for name, p in parse_lines(content)[0].items()
+        }
+        records = [record_of(folder, "metrics.jsonl", iteration) for iteration in range(3)]
+        return [points, Progress(folder).read(), records]
+
+    assert read(lines[0], damaged, lines[2]) == read(lines[0], lines[2])
+    assert read(lines[0], damaged) == read(lines[0])
+    assert len(parse_lines(damaged)[1]) == 1
 
 
 @given(

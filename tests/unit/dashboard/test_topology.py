@@ -3,7 +3,7 @@ from typing import Any
 import pytest
 
 from bpn_dashboard.hub.topology import Link, Node, Topology
-from bpn_shared import keys
+from bpn_shared.bus import keys
 from bpn_shared.messages.telemetry import KeyTraffic, Percentiles, Telemetry, WeightsMark
 
 RUN = "0198c0de-0000-7000-8000-000000000001"

@@ -11,7 +11,7 @@ from bpn_edge.kernel import _native
 from bpn_edge.kernel.native import NativeKernel
 from bpn_shared.bnn import golden
 from bpn_shared.bnn.blob import WeightBlob
-from bpn_shared.bnn.spec import NetworkSpec
+from bpn_shared.spec.network import NetworkSpec
 
 SPEC = NetworkSpec(3, 20, 5)
 BLOB = WeightBlob.random(SPEC, np.random.default_rng(0))

@@ -3,23 +3,19 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 import pytest
+from geometries import geometries
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from bpn_edge.kernel.native import NativeKernel, available_paths
 from bpn_shared.bnn import golden
 from bpn_shared.bnn.blob import WeightBlob
-from bpn_shared.bnn.spec import Layer, NetworkSpec
+from bpn_shared.spec.network import Layer, NetworkSpec
 
 INT32 = np.iinfo(np.int32)
 PATHS = {path: NativeKernel(path) for path in available_paths()}
 
-specs = st.builds(
-    NetworkSpec,
-    channels=st.sampled_from([1, 3, 6]),
-    nodes=st.integers(1, 256),
-    actions=st.integers(2, 64),
-)
+specs = geometries((1, 3, 6), 256, 64)
 images = st.sampled_from(["random", "zeros", "full", "black and white"])
 signs = st.sampled_from(["random", "random", "all +1", "all -1"])
 

@@ -10,9 +10,9 @@ from bpn_edge.kernel.native import NativeKernel
 from bpn_edge.memory import WeightMemory
 from bpn_shared.bnn import golden
 from bpn_shared.bnn.blob import WeightBlob
-from bpn_shared.bnn.spec import NetworkSpec
-from bpn_shared.service import Counters
-from bpn_shared.weights import NO_RANK
+from bpn_shared.bnn.weights import NO_RANK
+from bpn_shared.counters import Counters
+from bpn_shared.spec.network import NetworkSpec
 
 SPEC = NetworkSpec(1, 40, 14)
 RNG = np.random.default_rng(1)

@@ -16,12 +16,13 @@ from bpn_edge.kernel import load
 from bpn_edge.kernel.onnx import OnnxKernel
 from bpn_edge.kernel.protocol import OutputError
 from bpn_edge.memory import WeightMemory, verify
-from bpn_shared.bnn.blob import BlobError, WeightBlob
-from bpn_shared.bnn.spec import NetworkSpec
-from bpn_shared.config import ConfigError
-from bpn_shared.float_weights import FloatWeights
-from bpn_shared.onnx_model import onnx_model
-from bpn_shared.service import Counters
+from bpn_shared.bnn.blob import WeightBlob
+from bpn_shared.bnn.envelope import BlobError
+from bpn_shared.bnn.float_weights import FloatWeights
+from bpn_shared.bnn.onnx_model import onnx_model
+from bpn_shared.counters import Counters
+from bpn_shared.spec.config import ConfigError
+from bpn_shared.spec.network import NetworkSpec
 
 SPEC = NetworkSpec(2, 30, 6)
 

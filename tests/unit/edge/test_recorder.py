@@ -6,8 +6,8 @@ from bpn_edge.recorder import EpisodeRecorder
 from bpn_shared.messages.control import Assignment
 from bpn_shared.messages.episode import EpisodeMeta
 from bpn_shared.messages.frame import NO_ACTION, FrameHeader, FrameKind
-from bpn_shared.observation import frame_indices, stack
-from bpn_shared.tasks import task_named
+from bpn_shared.spec.observation import frame_indices, stack
+from bpn_shared.spec.tasks import task_named
 
 TASK = task_named("reaching")
 

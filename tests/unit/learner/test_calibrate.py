@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from bpn_learner.calibrate import _moments, reestimate_batch_norm
 from bpn_learner.networks import BinaryNetwork
-from bpn_shared.bnn.spec import NetworkSpec
+from bpn_shared.spec.network import NetworkSpec
 
 LARGEST = 6 * 64 * 255
 """Of a sum of pixels in the paper's network: its square is beyond float32, their sum beyond int32."""

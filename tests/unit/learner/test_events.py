@@ -3,10 +3,11 @@
 import json
 from pathlib import Path
 
+import pytest
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
 from bpn_learner.events import EventWriter
-from bpn_shared.config import RunConfig
+from bpn_shared.spec.config import RunConfig
 
 CONFIG = RunConfig.for_task("reaching", seed=4)
 
@@ -52,3 +53,9 @@ def test_a_resumed_run_replaces_what_it_repeats(tmp_path: Path) -> None:
     second.close()
     points = read(tmp_path).Scalars("return_px")
     assert [(p.step, p.value) for p in points] == [(0, 1.0), (1, 1.0), (2, 5.0), (3, 5.0)]
+
+
+def test_a_run_that_was_removed_stays_removed(tmp_path: Path) -> None:
+    with pytest.raises(FileNotFoundError):
+        EventWriter(tmp_path / "removed" / "tensorboard", CONFIG, 0)
+    assert not list(tmp_path.iterdir())

@@ -9,8 +9,9 @@ from hypothesis import strategies as st
 from bpn_learner.fold import fold, smallest_positive
 from bpn_learner.networks import BinaryNetwork, activation
 from bpn_shared.bnn import golden
-from bpn_shared.bnn.blob import BlobError, WeightBlob
-from bpn_shared.bnn.spec import NetworkSpec
+from bpn_shared.bnn.blob import WeightBlob
+from bpn_shared.bnn.envelope import BlobError
+from bpn_shared.spec.network import NetworkSpec
 
 GAMMAS = [0.0, -0.0, 1e-38, -1e-38, 1e-6, -1e-3, 1.0, -1.0, 7.5, -300.0, 1e30, -1e30]
 VARIANCES = [0.0, 1e-12, 1e-5, 0.25, 1.0, 63.0, 1e4, 1e12]

@@ -9,6 +9,7 @@ from typing import Any, Literal
 import numpy as np
 import pytest
 import torch
+from geometries import geometries
 from hypothesis import HealthCheck, assume, example, given, settings
 from hypothesis import strategies as st
 from minibatches import (
@@ -31,9 +32,9 @@ from bpn_learner.networks import PNetwork
 from bpn_learner.rendezvous import connect, open_store
 from bpn_learner.transitions import EpisodeData, Transitions
 from bpn_learner.update import PolicyUpdate, Regression, fit, policy_update
-from bpn_shared.bnn.spec import NetworkSpec
-from bpn_shared.config import Engine, RunConfig
-from bpn_shared.seeds import shuffle_generator
+from bpn_shared.spec.config import Engine, RunConfig
+from bpn_shared.spec.network import NetworkSpec
+from bpn_shared.spec.seeds import shuffle_generator
 
 LOOPBACK = "127.0.0.1"
 Kind = Literal["binary", "float"]
@@ -101,12 +102,7 @@ def members(request: pytest.FixtureRequest) -> Iterator[Members]:
     max_examples=12, derandomize=True, suppress_health_check=[HealthCheck.function_scoped_fixture]
 )
 @given(
-    spec=st.builds(
-        NetworkSpec,
-        channels=st.integers(1, 6),
-        nodes=st.integers(1, 60),
-        actions=st.integers(2, 20),
-    ),
+    spec=geometries(range(1, 7), 60, 20),
     B=st.integers(2, TRANSITIONS),
     seed=st.integers(0, 1000),
 )

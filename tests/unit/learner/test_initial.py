@@ -7,8 +7,8 @@ import torch
 
 from bpn_learner.initial import has_gpu, initial_policy
 from bpn_learner.networks import BinaryNetwork, FloatNetwork, PNetwork
-from bpn_shared.algorithms import ALGORITHMS, AlgorithmName
-from bpn_shared.config import ConfigError, RunConfig
+from bpn_shared.spec.algorithms import ALGORITHMS, AlgorithmName
+from bpn_shared.spec.config import ConfigError, RunConfig
 
 PINNED = {
     ("binary", "reaching", 0): "ca9004cb2354ad5d2241c6239038768277c5a8fb9a888ade4d2a7492b544e324",

@@ -11,12 +11,13 @@ from played import CONFIG, episode, owned, played
 
 from bpn_learner import ledger as ledger_module
 from bpn_learner.ledger import EpisodeLedger
-from bpn_shared.config import RunConfig
+from bpn_shared.counters import Counters
 from bpn_shared.messages.base import MessageError, OtherVersionError
 from bpn_shared.messages.control import NextEpisode
 from bpn_shared.runs.ownership import Ownership
-from bpn_shared.seeds import episode_seed
-from bpn_shared.service import Counters, Waiting
+from bpn_shared.spec.config import RunConfig
+from bpn_shared.spec.seeds import episode_seed
+from bpn_shared.waiting import Waiting
 
 # What is handed out.
 

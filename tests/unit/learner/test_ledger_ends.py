@@ -15,10 +15,11 @@ from bpn_learner import ledger as ledger_module
 from bpn_learner.ledger import EpisodeLedger
 from bpn_learner.refusals import ANY_REASON, EpisodeImpossibleError, Refusals
 from bpn_learner.storage import StorageError
+from bpn_shared.counters import Counters
 from bpn_shared.messages.control import Fault, NextEpisode
 from bpn_shared.runs.folder import OwnershipLostError
 from bpn_shared.runs.ownership import Ownership
-from bpn_shared.service import Counters, Waiting
+from bpn_shared.waiting import Waiting
 
 # What cannot be had.
 

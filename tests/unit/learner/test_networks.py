@@ -11,7 +11,7 @@ from bpn_learner.batch_norm import BATCH_NORM_EPSILON
 from bpn_learner.binarize import sign
 from bpn_learner.calibrate import reestimate_batch_norm
 from bpn_learner.networks import BinaryNetwork, FloatNetwork, PNetwork
-from bpn_shared.bnn.spec import NetworkSpec
+from bpn_shared.spec.network import NetworkSpec
 
 SPEC = NetworkSpec(channels=2, nodes=12, actions=5)
 

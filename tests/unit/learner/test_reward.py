@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bpn_learner.reward import RewardError, framing_rewards, reaching_rewards, rewards
-from bpn_shared.markers import (
+from bpn_shared.spec.markers import (
     ARM_LEVEL,
     BACKGROUND_LEVEL,
     HAND_LEVEL,

@@ -8,7 +8,7 @@ import pytest
 
 from bpn_learner.storage import StorageError, StorageStopped, insist
 from bpn_shared.backoff import Backoff
-from bpn_shared.service import Waiting
+from bpn_shared.waiting import Waiting
 
 QUICK = Backoff(0.001, 0.001)
 

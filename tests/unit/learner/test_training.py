@@ -26,14 +26,15 @@ from bpn_learner.storage import StorageError
 from bpn_learner.training import GIVE_UP_AFTER, Training
 from bpn_learner.transitions import EpisodeData, Transitions
 from bpn_learner.update import PolicyUpdate, policy_update
-from bpn_shared.config import RunConfig
+from bpn_shared.bnn.weights import Weights
+from bpn_shared.counters import Counters
 from bpn_shared.messages.control import NextEpisode
 from bpn_shared.messages.episode import Episode
 from bpn_shared.runs.digests import seal_line
 from bpn_shared.runs.folder import OwnershipLostError, RunFolder
-from bpn_shared.seeds import shuffle_generator
-from bpn_shared.service import Counters, Waiting
-from bpn_shared.weights import Weights
+from bpn_shared.spec.config import RunConfig
+from bpn_shared.spec.seeds import shuffle_generator
+from bpn_shared.waiting import Waiting
 
 SETTINGS: dict[str, Any] = {
     "iterations": 6, "datasets": 2, "epochs": 3, "alpha": 0.7, "beta": 2.0, "gamma": 0.8,

@@ -29,9 +29,9 @@ from bpn_learner.update import (
     targets,
 )
 from bpn_shared.bnn import golden
-from bpn_shared.bnn.spec import NetworkSpec
-from bpn_shared.config import Engine
-from bpn_shared.observation import stack
+from bpn_shared.spec.config import Engine
+from bpn_shared.spec.network import NetworkSpec
+from bpn_shared.spec.observation import stack
 
 SPEC = NetworkSpec(channels=1, nodes=20, actions=3)
 

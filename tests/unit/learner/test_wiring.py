@@ -17,8 +17,8 @@ from bpn_learner.update import (
     policy_update,
     preferences,
 )
-from bpn_shared.bnn.spec import NetworkSpec
-from bpn_shared.config import RunConfig
+from bpn_shared.spec.config import RunConfig
+from bpn_shared.spec.network import NetworkSpec
 
 SPEC = NetworkSpec(channels=1, nodes=12, actions=3)
 

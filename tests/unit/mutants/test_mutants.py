@@ -38,7 +38,7 @@ def test_faults_have_names_of_their_own_and_aim_at_every_check() -> None:
 
 
 def test_a_fault_that_no_longer_applies_is_said() -> None:
-    fault = Fault("gone", "shared/bpn_shared/seeds.py", "no such code", "")
+    fault = Fault("gone", "shared/bpn_shared/spec/seeds.py", "no such code", "")
     with pytest.raises(LookupError, match="stands 0 times"):
         fault.applied("x = 1\n")
 

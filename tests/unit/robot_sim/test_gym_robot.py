@@ -11,11 +11,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from PIL import Image
 
+from bpn_robot.robot import Robot
 from bpn_robot_sim.pictures import as_frame
 from bpn_robot_sim.probe import probe_environment
-from bpn_robot_sim.robot import Robot, robot_for
-from bpn_shared.config import ConfigError, RunConfig
+from bpn_robot_sim.robots import robot_for
 from bpn_shared.messages.probe import ProbeRequest
+from bpn_shared.spec.config import ConfigError, RunConfig
 
 
 class Corridor(gymnasium.Env[Any, Any]):

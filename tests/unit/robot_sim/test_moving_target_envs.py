@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 
 import bpn_robot_sim  # noqa: F401 - registers the environments
 from bpn_robot_sim import references
-from bpn_robot_sim.robot import make_robot
-from bpn_shared.tasks import TASKS
+from bpn_robot_sim.robots import make_robot
+from bpn_shared.spec.tasks import TASKS
 
 Env = gymnasium.Env[Any, Any]
 

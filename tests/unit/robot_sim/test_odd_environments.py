@@ -1,5 +1,8 @@
 """Environments of all odd kinds: each is shown as it is meant, or refused by name when the run is created."""
 
+import os
+import subprocess
+import sys
 from collections.abc import Callable
 from typing import Any
 
@@ -10,6 +13,8 @@ from gymnasium.spaces import Box, Dict, Discrete
 from hypothesis import given
 from hypothesis import strategies as st
 
+from bpn_robot.frame import is_flat
+from bpn_robot.robot import RobotFault
 from bpn_robot_sim.environment import GymEnvironment
 from bpn_robot_sim.pictures import (
     ObservedPictures,
@@ -19,10 +24,9 @@ from bpn_robot_sim.pictures import (
     why_blind,
 )
 from bpn_robot_sim.probe import probe_environment
-from bpn_robot_sim.rendering import is_flat
-from bpn_robot_sim.robot import RobotFault, robot_for
-from bpn_shared.config import ConfigError, RunConfig
+from bpn_robot_sim.robots import robot_for
 from bpn_shared.messages.probe import ProbeRequest
+from bpn_shared.spec.config import ConfigError, RunConfig
 
 SHAPE = (30, 40, 3)
 LEVELS = Box(0, 255, SHAPE, np.uint8)
@@ -335,6 +339,46 @@ def test_a_step_that_raises_later_is_a_fault_of_the_episode() -> None:
         env.step(1)
     with pytest.raises(RobotFault, match="step raised ValueError: bad joint"):
         env.step(1)
+
+
+DRAWS_UNLESS_TOLD_THAT_NOBODY_LOOKS = """
+import os
+import gymnasium, numpy as np
+class Racer(gymnasium.Env):
+    metadata = {"render_modes": ["rgb_array"]}
+    observation_space = gymnasium.spaces.Box(-1, 1, (4,), np.float64)
+    action_space = gymnasium.spaces.Discrete(3)
+    def __init__(self, render_mode=None):
+        self.render_mode, self.x = render_mode, 0
+        self.draws = os.environ.get("SDL_VIDEODRIVER") != "dummy"
+    def reset(self, *, seed=None, options=None):
+        return np.zeros(4), {}
+    def step(self, action):
+        self.x = (self.x + 1) % 30
+        return np.zeros(4), 1.0, False, False, {}
+    def render(self):
+        picture = np.zeros((30, 40, 3), np.uint8)
+        picture[:, self.x : self.x + 5] = 255 if self.draws else 0
+        return picture
+gymnasium.register("Racer-v0", entry_point=Racer)
+from bpn_robot_sim.probe import probe_environment
+from bpn_shared.messages.probe import ProbeRequest
+print(probe_environment(ProbeRequest(task="gym:Racer-v0", frame_channels=1)).actions)
+"""
+
+
+@pytest.mark.parametrize("driver", [None, "dummy"])
+def test_environments_that_draw_only_where_somebody_looks_do_draw(driver: str | None) -> None:
+    """As some take SDL's `dummy` driver for a word that nobody does; by hand it can be chosen, and is refused."""
+    given = {key: value for key, value in os.environ.items() if key != "SDL_VIDEODRIVER"}
+    if driver is not None:
+        given["SDL_VIDEODRIVER"] = driver
+    done = subprocess.run(
+        [sys.executable, "-c", DRAWS_UNLESS_TOLD_THAT_NOBODY_LOOKS],
+        capture_output=True, text=True, env=given, check=False,
+    )  # fmt: skip
+    assert (done.stdout == "3\n") == (driver is None)
+    assert ("shows nothing to learn from" in done.stderr) == (driver == "dummy")
 
 
 def test_what_an_environment_prints_goes_to_standard_error(

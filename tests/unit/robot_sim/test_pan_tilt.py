@@ -14,8 +14,8 @@ from hypothesis import strategies as st
 from bpn_robot_sim.pan_tilt import backdrop, geometry, scene
 from bpn_robot_sim.pan_tilt.robot import PanTiltRobot
 from bpn_robot_sim.physics import Physics
-from bpn_shared.markers import PAN_TILT_MARKER
-from bpn_shared.tasks import TASKS
+from bpn_shared.spec.markers import PAN_TILT_MARKER
+from bpn_shared.spec.tasks import TASKS
 
 TASK = TASKS["pan_tilt"]
 seeds = st.integers(0, 2**63 - 1)

@@ -12,8 +12,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import bpn_robot_sim  # noqa: F401 - registers the environment
-from bpn_robot_sim.robot import make_robot
-from bpn_shared.tasks import TASKS
+from bpn_robot_sim.robots import make_robot
+from bpn_shared.spec.tasks import TASKS
 
 TASK = TASKS["reaching"]
 ACTIONS = st.lists(st.integers(0, TASK.actions - 1), max_size=20)

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from bpn_robot_sim.reaching import geometry, optimum
 from bpn_robot_sim.reaching.robot import ReachingRobot
-from bpn_shared.tasks import TASKS
+from bpn_shared.spec.tasks import TASKS
 
 TOLERANCE_PX = 0.5  # twenty steps of a servo that stops up to 0.05 degrees away
 

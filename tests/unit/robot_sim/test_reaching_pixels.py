@@ -9,11 +9,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from bpn_robot.frame import Frame
 from bpn_robot_sim.reaching import geometry
 from bpn_robot_sim.reaching.robot import ReachingRobot
-from bpn_robot_sim.rendering import Frame
-from bpn_shared import markers
-from bpn_shared.tasks import TASKS
+from bpn_shared.spec import markers
+from bpn_shared.spec.tasks import TASKS
 
 ACTIONS = st.lists(st.integers(0, TASKS["reaching"].actions - 1), max_size=20)
 

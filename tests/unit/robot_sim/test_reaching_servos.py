@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from bpn_robot_sim.physics import Physics
 from bpn_robot_sim.reaching import geometry, scene
 from bpn_robot_sim.reaching.robot import ReachingRobot
-from bpn_shared.tasks import TASKS
+from bpn_shared.spec.tasks import TASKS
 
 TASK = TASKS["reaching"]
 ACTIONS = st.lists(st.integers(0, TASK.actions - 1), max_size=20)

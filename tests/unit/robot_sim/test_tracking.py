@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 
 from bpn_robot_sim.tracking import geometry
 from bpn_robot_sim.tracking.robot import TrackingRobot
-from bpn_shared.markers import TRACKING_TARGET
-from bpn_shared.tasks import TASKS
+from bpn_shared.spec.markers import TRACKING_TARGET
+from bpn_shared.spec.tasks import TASKS
 
 TASK = TASKS["tracking"]
 MOVES_PX = [-8, -4, -2, 0, 2, 4, 8]  # section V-A-2, with the first 2 as -2

@@ -5,15 +5,8 @@ from uuid import UUID
 import pytest
 import zenoh
 
-from bpn_shared import keys
-from bpn_shared.access import (
-    CHANNELS,
-    MAX_PIXEL_BYTES,
-    MAX_WEIGHTS_BYTES,
-    ROLES,
-    Grant,
-    grants,
-)
+from bpn_shared.bus import keys
+from bpn_shared.bus.access import CHANNELS, MAX_PIXEL_BYTES, MAX_WEIGHTS_BYTES, ROLES, Grant, grants
 from bpn_shared.messages.base import MAX_CONTROL_BYTES
 from bpn_shared.messages.episode import MAX_BYTES as MAX_EPISODE_BYTES
 

@@ -5,18 +5,15 @@ from uuid import UUID
 
 import numpy as np
 import pytest
+from geometries import geometries
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bpn_shared.bnn.blob import BlobError, WeightBlob, encoded_size
-from bpn_shared.bnn.spec import NetworkSpec
+from bpn_shared.bnn.blob import WeightBlob, encoded_size
+from bpn_shared.bnn.envelope import BlobError
+from bpn_shared.spec.network import NetworkSpec
 
-specs = st.builds(
-    NetworkSpec,
-    channels=st.sampled_from([1, 3, 6]),
-    nodes=st.integers(1, 256),
-    actions=st.integers(2, 64),
-)
+specs = geometries((1, 3, 6), 256, 64)
 blobs = st.builds(
     lambda spec, seed, run, attempt, version: replace(
         WeightBlob.random(spec, np.random.default_rng(seed)),
@@ -124,7 +121,7 @@ def test_truncated_and_oversized_are_refused(cut: int, extra: bytes) -> None:
     with pytest.raises(BlobError):
         WeightBlob.decode(encoded[: cut % len(encoded)])
     if extra:
-        with pytest.raises(BlobError, match="bytes, a blob with"):
+        with pytest.raises(BlobError, match="the header tells of"):
             WeightBlob.decode(encoded + extra)
 
 

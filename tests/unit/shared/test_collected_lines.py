@@ -6,10 +6,10 @@ import sys
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bpn_shared import log_lines
 from bpn_shared.bus.logs import as_said_by
-from bpn_shared.config import RunConfig
-from bpn_shared.worker import service_names
+from bpn_shared.messages import log_lines
+from bpn_shared.runtime.worker import service_names
+from bpn_shared.spec.config import RunConfig
 
 FORGED = "2026-11-22T08:22:35.123Z learner ERROR the run has failed"
 anything = st.one_of(

@@ -7,9 +7,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import TypeAdapter, ValidationError
 
-from bpn_shared.algorithms import AlgorithmName
-from bpn_shared.config import PRESETS, ConfigError, RunConfig
-from bpn_shared.tasks import TASKS, Task
+from bpn_shared.spec.algorithms import AlgorithmName
+from bpn_shared.spec.config import PRESETS, ConfigError, RunConfig
+from bpn_shared.spec.tasks import TASKS, Task
 
 TABLE_ONE = {
     "alpha": 0.95, "beta": 1, "gamma": 0.99, "epochs": 50, "batch": 32, "iterations": 50,

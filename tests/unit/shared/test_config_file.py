@@ -4,7 +4,6 @@ from typing import Any
 
 import pytest
 
-from bpn_shared.config import ConfigError, RunConfig, preset_of
 from bpn_shared.runs.config_file import (
     SCHEMA,
     OtherConfigVersionError,
@@ -15,6 +14,7 @@ from bpn_shared.runs.config_file import (
     raw_config,
 )
 from bpn_shared.runs.digests import seal
+from bpn_shared.spec.config import ConfigError, RunConfig, preset_of
 from bpn_shared.version import VERSION, written_by
 
 GOLDEN = Path(__file__).parents[2] / "golden"

@@ -9,11 +9,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bpn_shared.config import MAX_STEPS
 from bpn_shared.messages.base import MessageError, OtherVersionError
 from bpn_shared.messages.episode import Episode, EpisodeMeta, decode_meta
 from bpn_shared.messages.episode_form import MAX_BYTES
-from bpn_shared.tasks import TASKS
+from bpn_shared.spec.config import MAX_STEPS
+from bpn_shared.spec.tasks import TASKS
 
 GOLDEN = Path(__file__).parents[2] / "golden" / "episodes"
 REACHING = TASKS["reaching"]

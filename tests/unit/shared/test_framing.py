@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bpn_shared.framing import in_frame, nearest_on_border, reward_px
+from bpn_shared.spec.framing import in_frame, nearest_on_border, reward_px
 
 anywhere = st.floats(-200, 300)
 inside = st.floats(0, 83)

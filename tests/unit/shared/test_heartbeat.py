@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from bpn_shared import heartbeat
-from bpn_shared.heartbeat import FILE_VARIABLE, READY_SUFFIX, Heartbeat
+from bpn_shared.runtime import heartbeat
+from bpn_shared.runtime.heartbeat import FILE_VARIABLE, READY_SUFFIX, Heartbeat
 
 WaitFor = Callable[..., None]
 HEALTHY = Path(__file__).parents[3] / "deploy" / "compose" / "healthy"
@@ -98,7 +98,7 @@ def test_a_file_without_a_time_is_not_healthy(file: Path, content: str) -> None:
 
 def test_a_frozen_process_is_not_healthy(tmp_path: Path, wait_for: WaitFor) -> None:
     file = tmp_path / "heartbeat"
-    program = "from bpn_shared.heartbeat import Heartbeat; Heartbeat(); input()"
+    program = "from bpn_shared.runtime.heartbeat import Heartbeat; Heartbeat(); input()"
     process = subprocess.Popen(
         [sys.executable, "-c", program],
         env={**os.environ, FILE_VARIABLE: str(file)},

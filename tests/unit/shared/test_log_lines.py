@@ -5,7 +5,7 @@ import time
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bpn_shared import log_lines
+from bpn_shared.messages import log_lines
 
 
 @given(st.text(), st.sampled_from(log_lines.LEVELS))

@@ -18,8 +18,14 @@ from bpn_shared.messages.episode import Episode, EpisodeMeta
 from bpn_shared.messages.frame import FrameHeader, FrameKind, decode_frame
 from bpn_shared.messages.metrics import MetricsBatch, Point
 from bpn_shared.messages.preview import PreviewHeader, check_pixels
-from bpn_shared.messages.telemetry import KeyTraffic, Percentiles, Telemetry, WeightsMark
-from bpn_shared.tasks import task_named
+from bpn_shared.messages.telemetry import (
+    CertificateLife,
+    KeyTraffic,
+    Percentiles,
+    Telemetry,
+    WeightsMark,
+)
+from bpn_shared.spec.tasks import task_named
 
 REACHING = task_named("reaching")
 u32, u64 = st.integers(0, 2**32 - 1), st.integers(0, 2**64 - 1)
@@ -71,6 +77,7 @@ MESSAGES = [
         weights={"loaded": WeightsMark(attempt=1, version=2, time_ns=3)},
         latencies={"edge_us": Percentiles(count=1, p50_us=-1.5, p95_us=2.0, p99_us=2.0, max_us=9.0)},
         traffic=[KeyTraffic(key="a/b", direction="sent", messages=1, bytes=2, dropped=0)],
+        certificate=CertificateLife(start_unix_s=1.0, end_unix_s=2.5),
     ),
 ]  # fmt: skip
 DECODERS: list[tuple[bytes, Callable[[bytes], object]]] = [

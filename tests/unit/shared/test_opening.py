@@ -11,7 +11,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bpn_shared.config import ConfigError, RunConfig
 from bpn_shared.runs.files import write_atomically
 from bpn_shared.runs.folder import RunFolder
 from bpn_shared.runs.opening import (
@@ -21,6 +20,7 @@ from bpn_shared.runs.opening import (
     open_file,
     read_file,
 )
+from bpn_shared.spec.config import ConfigError, RunConfig
 
 RUN = UUID(int=1)
 PARTS = st.lists(st.sampled_from(("a", "b", "größe", "x y")), min_size=1, max_size=5)

@@ -15,10 +15,10 @@ import numpy as np
 import pytest
 
 from bpn_shared.bnn.blob import WeightBlob
-from bpn_shared.bnn.spec import NetworkSpec
-from bpn_shared.config import ConfigError, RunConfig
 from bpn_shared.runs import lock
 from bpn_shared.runs.folder import Ownership, OwnershipLostError, RunFolder, RunOwnedError
+from bpn_shared.spec.config import ConfigError, RunConfig
+from bpn_shared.spec.network import NetworkSpec
 
 BLOB = WeightBlob.random(NetworkSpec(1, 1, 2), np.random.default_rng(0))
 WRITES: list[Callable[[Ownership], object]] = [

@@ -7,9 +7,9 @@ from uuid import UUID
 
 import pytest
 
-from bpn_shared.config import ConfigError, RunConfig
 from bpn_shared.runs.files import write_atomically
 from bpn_shared.runs.folder import RunFolder, RunOwnedError, is_run_id, run_folders
+from bpn_shared.spec.config import ConfigError, RunConfig
 
 RUNS = [UUID(int=0x1234 << 112 | 1), UUID(int=0x1235 << 112 | 2)]
 

@@ -2,9 +2,9 @@ from pathlib import Path
 
 import pytest
 
-from bpn_shared.config import ConfigError
 from bpn_shared.runs.digests import seal
 from bpn_shared.runs.state import RunState, decode_state, encode_state
+from bpn_shared.spec.config import ConfigError
 
 GOLDEN = Path(__file__).parents[2] / "golden"
 STATE = RunState(

@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bpn_shared.seeds import (
+from bpn_shared.spec.seeds import (
     action_uniforms,
     episode_seed,
     initial_weights_seed,

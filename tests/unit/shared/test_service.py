@@ -7,9 +7,11 @@ import sys
 import pytest
 
 from bpn_shared.bus.traffic import Traffic
-from bpn_shared.service import Counters, Waiting, new_worker_id, protocol_of
-from bpn_shared.telemetry import Latencies, Reporter, WeightsMarks
+from bpn_shared.counters import Counters
+from bpn_shared.runtime.service import new_worker_id, protocol_of
+from bpn_shared.runtime.telemetry import Latencies, Reporter, WeightsMarks
 from bpn_shared.version import PROTOCOL
+from bpn_shared.waiting import Waiting
 
 
 def test_a_flood_of_refusals_is_counted_and_logged_by_powers_of_ten(
@@ -60,7 +62,7 @@ def test_waiting_is_said_once_and_reported(caplog: pytest.LogCaptureFixture) -> 
 def test_a_signal_while_the_main_thread_holds_the_events_lock_does_not_deadlock() -> None:
     program = """
 import signal
-from bpn_shared.service import stop_on_signals
+from bpn_shared.runtime.service import stop_on_signals
 stop = stop_on_signals()
 with stop._cond:  # where every stop.wait() and stop.set() of the main thread is for a moment
     signal.raise_signal(signal.SIGTERM)
@@ -77,7 +79,7 @@ print("stopped")
 def test_a_log_that_cannot_be_written_ends_nothing_and_tells_later() -> None:
     program = """
 import logging, os, sys
-from bpn_shared.service import set_up_logging
+from bpn_shared.runtime.service import set_up_logging
 heard = []
 class Elsewhere(logging.Handler):
     def emit(self, record):

@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
 
-from bpn_shared.statistics import iqm, mean_std, merge_seeds, over_seeds
+from bpn_shared.runs.statistics import iqm, mean_std, merge_seeds, over_seeds
 
 VECTORS = json.loads((Path(__file__).parents[2] / "vectors" / "statistics.json").read_text())
 values = st.floats(-1e6, 1e6)

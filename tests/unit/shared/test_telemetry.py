@@ -1,5 +1,6 @@
 import os
 import threading
+from datetime import UTC, datetime, timedelta
 from uuid import uuid4
 
 import numpy as np
@@ -9,8 +10,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bpn_shared.bus.traffic import MAX_KEYS, Traffic
-from bpn_shared.service import Counters, Waiting, new_worker_id
-from bpn_shared.telemetry import LATENCY_WINDOW_S, Latencies, ProcessUsage, Reporter, WeightsMarks
+from bpn_shared.bus.x509 import Life
+from bpn_shared.counters import Counters
+from bpn_shared.runtime.service import new_worker_id
+from bpn_shared.runtime.telemetry import (
+    LATENCY_WINDOW_S,
+    Latencies,
+    ProcessUsage,
+    Reporter,
+    WeightsMarks,
+)
+from bpn_shared.waiting import Waiting
 
 
 @given(st.lists(st.lists(st.floats(-1e6, 1e6), max_size=50), min_size=1, max_size=20))
@@ -99,3 +109,17 @@ def test_a_service_that_uses_many_keys_still_fits_into_a_message() -> None:
     report = reporter.report()
     assert type(report).decode(report.encode()) == report
     assert f"/{3 * MAX_KEYS - 1}/frame" in report.traffic[MAX_KEYS - 1].key  # the newest are kept
+
+
+def test_a_report_tells_how_long_the_certificates_are_good() -> None:
+    start = datetime(2026, 1, 1, tzinfo=UTC)
+    lives = [None, Life(start, start + timedelta(days=365))]
+    reporter = Reporter(
+        "edge", "edge-1", lambda: (None, None), Traffic(), waiting=Waiting(), counters=Counters(),
+        latencies=Latencies(), weights=WeightsMarks(), certificate=lambda: lives[-1],
+    )  # fmt: skip
+    told = reporter.report().certificate
+    assert told is not None
+    assert datetime.fromtimestamp(told.end_unix_s, UTC) == start + timedelta(days=365)
+    lives.append(None)
+    assert reporter.report().certificate is None

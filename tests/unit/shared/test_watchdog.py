@@ -5,7 +5,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bpn_shared.messages.telemetry import Telemetry
-from bpn_shared.watchdog import SILENT_AFTER_S, STALLED_AFTER_S, Circumstances, Watchdog
+from bpn_shared.runtime.watchdog import (
+    CAUSE_KINDS,
+    SILENT_AFTER_S,
+    STALLED_AFTER_S,
+    Circumstances,
+    Watchdog,
+    sentence,
+)
 
 STEPS = 20
 NOWHERE = Circumstances()
@@ -20,6 +27,10 @@ def report(worker: str, kind: str = "learner", **more: Any) -> Telemetry:
         "latencies": {}, "traffic": [],
     }  # fmt: skip
     return Telemetry(**(values | more))
+
+
+def said(dog: Watchdog, now_s: float, around: Circumstances) -> str:
+    return sentence(dog.causes(now_s, around))
 
 
 @pytest.fixture
@@ -90,7 +101,7 @@ def test_a_frozen_owner_is_named_with_the_time_of_its_last_word(dog: Watchdog) -
 def test_another_learner_takes_the_silent_ones_place(dog: Watchdog) -> None:
     dog.hear(report("learner-1"), 0.0)
     dog.hear(report("learner-2", waiting_for="3 episodes of iteration 0"), 50.0)
-    assert dog.reason(51.0, NOWHERE) == "the learner waits for 3 episodes of iteration 0"
+    assert said(dog, 51.0, NOWHERE) == "the learner waits for 3 episodes of iteration 0"
 
 
 def test_reasons_come_in_the_order_in_which_they_can_be_mended(dog: Watchdog) -> None:
@@ -99,18 +110,30 @@ def test_reasons_come_in_the_order_in_which_they_can_be_mended(dog: Watchdog) ->
         refused=("edge edge-12 speaks protocol 1",), disk="the disk is full",
     )  # fmt: skip
     assert (
-        dog.reason(0.0, around)
+        said(dog, 0.0, around)
         == "2 runs before it; edge edge-12 speaks protocol 1; the disk is full"
     )
     held = Circumstances(queue="2 runs before it", owner="its folder is held by x")
-    assert dog.reason(0.0, held) == "its folder is held by x"
+    assert said(dog, 0.0, held) == "its folder is held by x"
     dog.hear(report("learner-1", waiting_for="episodes"), 0.0)
-    assert dog.reason(0.0, Circumstances(lacking=around.lacking, refused=around.refused)) == (
+    assert said(dog, 0.0, Circumstances(lacking=around.lacking, refused=around.refused)) == (
         "the learner waits for episodes; 1 edge missing: 0 connected and idle; edge edge-12 speaks protocol 1"
     )
-    assert dog.reason(0.0, Circumstances(router="the router is away", disk="full")) == (
+    assert said(dog, 0.0, Circumstances(router="the router is away", disk="full")) == (
         "the router is away"
     )
+
+
+@given(waiting=st.integers(0, 9), refused=st.integers(0, 5))
+def test_however_much_waits_the_causes_beside_it_are_told(waiting: int, refused: int) -> None:
+    dog = Watchdog(STEPS, 0.0)
+    for slot in range(waiting):
+        dog.hear(report(f"edge-{slot}", "edge", slot=slot, waiting_for="a frame"), 0.0)
+    foreign = tuple(f"edge edge-{n} speaks protocol 1" for n in range(refused))
+    reason = said(dog, 0.0, Circumstances(refused=foreign, disk="the disk is full"))
+    assert reason.endswith("the disk is full")
+    assert ("speaks protocol 1" in reason) == (refused > 0)
+    assert len(reason.split("; ")) <= 7
 
 
 def test_what_was_refused_since_the_last_progress_is_said_and_older_things_are_not(
@@ -123,20 +146,43 @@ def test_what_was_refused_since_the_last_progress_is_said_and_older_things_are_n
         )  # fmt: skip
 
     dog.hear(refusing(3), 0.0)
-    assert dog.reason(0.0, NOWHERE) == "its learner computes"
+    assert said(dog, 0.0, NOWHERE) == "its learner computes"
     dog.hear(refusing(4), 1.0)
-    assert dog.reason(1.0, NOWHERE) == "the learner refused: reward is NaN"
+    assert said(dog, 1.0, NOWHERE) == "the learner refused: reward is NaN"
     dog.hear(refusing(4, episodes_stored=1), 2.0)
-    assert dog.reason(2.0, NOWHERE) == "its learner computes"
+    assert said(dog, 2.0, NOWHERE) == "its learner computes"
+
+
+def test_every_cause_has_a_kind_that_can_be_counted(dog: Watchdog) -> None:
+    def kinds(now_s: float, **around: Any) -> list[str]:
+        return [cause.kind for cause in dog.causes(now_s, Circumstances(**around))]
+
+    seen = [
+        kinds(0.0),
+        kinds(0.0, router="away"),
+        kinds(0.0, owner="held"),
+        kinds(0.0, queue="long"),
+    ]
+    seen.append(kinds(0.0, refused=("an old edge",), disk="full"))
+    dog.hear(report("learner-1"), 0.0)
+    seen += [kinds(0.0), kinds(0.0, lacking=("1 edge",))]
+    refused = {"counters": {"frames_refused": 1}, "refusals": {"frames_refused": "too long"}}
+    dog.hear(report("learner-1", waiting_for="episodes", **refused), 1.0)
+    seen += [kinds(1.0), kinds(2.0 + SILENT_AFTER_S)]
+    assert seen == [
+        ["nobody"], ["router"], ["owner"], ["queue"], ["worker", "disk"],
+        ["computing"], ["place"], ["service", "refusal"], ["silent"],
+    ]  # fmt: skip
+    assert {kind for kinds_ in seen for kind in kinds_} | {"nobody"} == set(CAUSE_KINDS)
 
 
 def test_who_left_and_who_is_no_worker_says_nothing(dog: Watchdog) -> None:
     dog.hear(report("dashboard-1", "dashboard", waiting_for="nothing"), 0.0)
     dog.hear(report("robot-sim-1", "robot_sim", waiting_for="a reset", slot=2), 0.0)
-    assert dog.reason(0.0, NOWHERE) == "robot 2 waits for a reset"
+    assert said(dog, 0.0, NOWHERE) == "robot 2 waits for a reset"
     assert dog.silent_s("robot-sim-1", SILENT_AFTER_S) == SILENT_AFTER_S
     dog.gone("robot-sim-1")
-    assert dog.reason(0.0, NOWHERE) == "nobody reports from it"
+    assert said(dog, 0.0, NOWHERE) == "nobody reports from it"
     assert dog.silent_s("robot-sim-1", 1.0) is None
 
 

@@ -17,7 +17,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from typing import Any, Self
 
-from bpn_shared.service import Counters
+from bpn_shared.counters import Counters
 
 log = logging.getLogger(__name__)
 

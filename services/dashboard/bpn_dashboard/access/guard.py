@@ -8,7 +8,6 @@ import re
 import uuid
 from collections.abc import Iterable
 from dataclasses import dataclass
-from ipaddress import ip_address
 
 from starlette.datastructures import Headers, MutableHeaders
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
@@ -127,16 +126,6 @@ def refuse(scope: Scope, headers: Headers, hosts: frozenset[str]) -> Refusal | N
             403, "cross-origin", "browsers say their origin, scripts have a bearer token"
         )
     return None
-
-
-def is_loopback(host: str) -> bool:
-    """Whether only this machine reaches that address."""
-    if host == "localhost":
-        return True
-    try:
-        return ip_address(host).is_loopback
-    except ValueError:
-        return False
 
 
 def _same_origin(origin: str, host: str) -> bool:

@@ -4,8 +4,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, create_model
 
-from bpn_shared.config import RunConfig
-from bpn_shared.tasks import TASK_NAMES, TASK_PATTERN, check_task_name
+from bpn_shared.spec.config import RunConfig
+from bpn_shared.spec.tasks import TASK_NAMES, TASK_PATTERN, check_task_name
 
 
 class Request(BaseModel):

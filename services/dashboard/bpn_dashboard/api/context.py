@@ -1,7 +1,8 @@
 """What the operations work with, and who asks."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Annotated, cast
 
 from fastapi import Depends
@@ -13,15 +14,19 @@ from bpn_dashboard.access.roles import Identity, Role
 from bpn_dashboard.access.tokens import Tokens, secret_key
 from bpn_dashboard.api.pages import Cursors
 from bpn_dashboard.api.problems import ApiError
+from bpn_dashboard.certificates import Certificate
 from bpn_dashboard.database.engine import Database
 from bpn_dashboard.hub.topology import Topology, TopologySnapshot
+from bpn_dashboard.registry.removals import Removals
 from bpn_dashboard.registry.store import RunStore
 from bpn_dashboard.registry.versions import Refused
+from bpn_dashboard.registry.view import RegistryView
 from bpn_dashboard.registry.workplace import ConnectedWorkers
 from bpn_dashboard.series.ingest import Ingest
 from bpn_dashboard.series.query import SeriesQueries
+from bpn_shared.counters import Counters
 from bpn_shared.runs.creation import Workplace
-from bpn_shared.service import Counters
+from bpn_shared.runs.trash import DAY_S, KEPT_DAYS, Trash
 
 COOKIE = "bpn_session"
 """How the name of the session cookie begins."""
@@ -33,6 +38,9 @@ class Context:
 
     Attributes:
         topology: who is alive and talks to whom.
+        refusals: how much workers have refused, by their kind.
+        registry: what the registry knows of runs beside their rows.
+        certificates: the dashboard's own and the router's.
         place: the machines that will do new runs.
         obstacle: what keeps workers from being given work; None: nothing.
         read_only: why nothing may be changed here; None: it may.
@@ -40,6 +48,8 @@ class Context:
         secure: browsers reach the dashboard over TLS.
         open_metrics: /metrics needs no token from loopback.
         connections: of the server, if it limits them.
+        state_dir: the folder that is the dashboard's alone; None: that of the runs.
+        trash_kept_s: how long runs that are removed are kept.
     """
 
     database: Database
@@ -48,6 +58,9 @@ class Context:
     counters: Counters
     place: Workplace = field(default_factory=ConnectedWorkers)
     topology: Callable[[], TopologySnapshot] = Topology().snapshot
+    refusals: Callable[[], Mapping[str, int]] = dict
+    registry: Callable[[], RegistryView] = RegistryView
+    certificates: Callable[[], Sequence[Certificate]] = list
     obstacle: Callable[[], str | None] = lambda: None
     read_only: Callable[[], str | None] = lambda: None
     refused: Callable[[], Sequence[Refused]] = lambda: ()
@@ -55,8 +68,13 @@ class Context:
     open_metrics: bool = False
     wrong_tokens: WrongTokens = field(default_factory=WrongTokens)
     connections: Connections | None = None
+    state_dir: Path | None = None
+    trash_kept_s: float = KEPT_DAYS * DAY_S
 
     def __post_init__(self) -> None:
+        trash = Trash(self.runs.runs_dir, self.trash_kept_s)
+        self.removals = Removals(self.database, self.runs, trash)
+        self.runs.audience.mourn(self.ingest.forget)
         self.tokens = Tokens(self.database)
         self.cursors = Cursors(secret_key(self.database, "cursors"))
         self.series = SeriesQueries(self.database)

@@ -9,12 +9,12 @@ from pydantic import BaseModel, Field
 from bpn_dashboard.api.context import Context, Parts, Viewer
 from bpn_dashboard.api.problems import ApiError, responses
 from bpn_dashboard.api.records import number_at, record_of
-from bpn_shared.bnn.blob import BlobError
-from bpn_shared.config import RunConfig
+from bpn_shared.bnn.envelope import BlobError
+from bpn_shared.bnn.weights import decode_weights
 from bpn_shared.messages.base import MessageError
 from bpn_shared.messages.episode import Episode, decode_meta
 from bpn_shared.runs.folder import RunFolder
-from bpn_shared.weights import decode_weights
+from bpn_shared.spec.config import RunConfig
 
 router = APIRouter(tags=["episodes"])
 

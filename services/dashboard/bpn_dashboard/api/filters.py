@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from pydantic import BaseModel, ConfigDict, Field, create_model
 
 from bpn_dashboard.registry.query import SORT_KEYS, RunFilter
-from bpn_shared.config import RunConfig
+from bpn_shared.spec.config import RunConfig
 
 _CONFIG = "config."
 _CONFIG_KEYS: dict[str, Any] = {

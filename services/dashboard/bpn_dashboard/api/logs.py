@@ -13,7 +13,7 @@ from pydantic import BaseModel, Field
 
 from bpn_dashboard.api.context import Parts, Viewer
 from bpn_dashboard.api.problems import responses
-from bpn_shared import log_lines
+from bpn_shared.messages import log_lines
 from bpn_shared.runs.folder import RunFolder
 
 router = APIRouter(tags=["logs"])

@@ -7,7 +7,8 @@ from pydantic import AfterValidator, BaseModel, Field
 from bpn_dashboard.api.configs import Request, RunChanges, SweepGrid, differ
 from bpn_dashboard.database.tables import RunRow, SweepRow
 from bpn_shared.runs.folder import State
-from bpn_shared.tasks import RETURN_PX, return_metric
+from bpn_shared.runs.trash import Removed
+from bpn_shared.spec.tasks import RETURN_PX, return_metric
 
 MAX_IDS = 1000
 
@@ -103,6 +104,27 @@ class RunPage(BaseModel):
     total: int
 
 
+class RemovedRun(BaseModel):
+    """A run in the trash."""
+
+    id: str
+    name: str
+    removed_at_unix_s: float
+    removed_by: Annotated[str, Field(description="empty: that could not be written down")]
+    kept_until_unix_s: Annotated[float, Field(description="then it is deleted for good")]
+
+    @classmethod
+    def of(cls, removed: Removed, name: str) -> Self:
+        """As the API shows it."""
+        return cls(
+            id=removed.run,
+            name=name,
+            removed_at_unix_s=removed.at_unix_s,
+            removed_by=removed.by,
+            kept_until_unix_s=removed.until_unix_s,
+        )
+
+
 class RunNew(Request):
     """A run to start."""
 
@@ -123,7 +145,7 @@ class RunPatch(Request):
 class BulkAction(Request):
     """The same for many runs."""
 
-    action: Literal["stop", "resume", "archive", "unarchive"]
+    action: Literal["stop", "resume", "archive", "unarchive", "remove", "restore"]
     ids: Annotated[list[RunId], Field(min_length=1, max_length=MAX_IDS)]
 
 

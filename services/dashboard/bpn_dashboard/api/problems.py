@@ -26,8 +26,8 @@ from bpn_dashboard.registry.errors import (
     UnknownRunError,
     UnknownSweepError,
 )
-from bpn_shared.config import ConfigError
 from bpn_shared.runs.opening import ForeignFileError
+from bpn_shared.spec.config import ConfigError
 
 log = logging.getLogger(__name__)
 

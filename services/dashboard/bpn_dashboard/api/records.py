@@ -7,6 +7,7 @@ from typing import Any, BinaryIO
 
 import orjson
 
+from bpn_shared.runs.digests import DamagedError, check_line
 from bpn_shared.runs.folder import RunFolder
 
 _PIECE_BYTES = 1024 * 1024
@@ -38,9 +39,10 @@ def _search(file: BinaryIO, beginning: bytes) -> dict[str, Any] | None:
             line = file.readline(_MAX_LINE_BYTES)
             if line.endswith(b"\n"):
                 try:
+                    check_line(line[:-1])
                     return dict(orjson.loads(line))
-                except orjson.JSONDecodeError:
-                    pass  # a crash cut this line; an earlier one may be whole
+                except (DamagedError, orjson.JSONDecodeError):
+                    pass  # a crash cut this line, or it was changed; an earlier one may be whole
         end, overlap = begin, data[: len(beginning) - 1]
     return None
 

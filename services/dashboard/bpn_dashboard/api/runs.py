@@ -1,4 +1,4 @@
-"""Runs: list, start, annotate, stop, resume, archive."""
+"""Runs: list, start, annotate, stop, resume, archive; many at once."""
 
 from collections.abc import Callable
 from functools import partial
@@ -21,9 +21,9 @@ from bpn_dashboard.api.models import (
     RunPatch,
 )
 from bpn_dashboard.api.problems import EXPECTED_ERRORS, ApiError, Problem, problem_of, responses
-from bpn_shared.config import PRESETS, RunConfig, preset_of
 from bpn_shared.runs.creation import configure
-from bpn_shared.tasks import GYM_PREFIX, TASKS, Task
+from bpn_shared.spec.config import PRESETS, RunConfig, preset_of
+from bpn_shared.spec.tasks import GYM_PREFIX, TASKS, Task
 
 router = APIRouter(tags=["runs"])
 
@@ -231,6 +231,8 @@ def _one_of_many(parts: Context, who: Identity, action: str, run_id: str) -> Bul
         "resume": partial(_resume, parts),
         "archive": parts.runs.archive,
         "unarchive": parts.runs.unarchive,
+        "remove": parts.removals.remove,
+        "restore": parts.removals.restore,
     }
     try:
         acts[action](run_id, who.name)

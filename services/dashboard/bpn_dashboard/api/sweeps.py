@@ -15,8 +15,8 @@ from bpn_dashboard.api.models import MetricName, Sweep, SweepNew
 from bpn_dashboard.api.problems import responses
 from bpn_dashboard.database.tables import RunRow, SweepRow
 from bpn_dashboard.registry.query import RunFilter
-from bpn_shared.statistics import over_seeds
-from bpn_shared.tasks import return_metric
+from bpn_shared.runs.statistics import over_seeds
+from bpn_shared.spec.tasks import return_metric
 
 router = APIRouter(tags=["sweeps"])
 

@@ -1,13 +1,15 @@
 """The system as a whole: who is there, what was done, health."""
 
+from datetime import UTC, datetime
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Query
 from pydantic import BaseModel, Field
 from sqlalchemy import select
 
-from bpn_dashboard.api.context import Admin, Parts, Viewer
+from bpn_dashboard.api.context import Admin, Context, Parts, Viewer
 from bpn_dashboard.api.problems import ApiError, responses
+from bpn_dashboard.certificates import of_workers
 from bpn_dashboard.database.tables import AuditRow
 from bpn_dashboard.hub.topology import TopologySnapshot
 from bpn_shared.version import PROTOCOL, VERSION
@@ -59,6 +61,16 @@ class RefusedWorker(BaseModel):
     reason: str
 
 
+class CertificateStatus(BaseModel):
+    """How long a certificate is good."""
+
+    kind: Annotated[str, Field(description="router, web (the pages' address), or of a service")]
+    id: Annotated[str, Field(description="of the worker; empty where there is one of the kind")]
+    end_unix_s: float
+    days_left: Annotated[float, Field(description="below 0: it has expired")]
+    near_end: Annotated[bool, Field(description="30 days or the last quarter of its life")]
+
+
 class SystemStatus(BaseModel):
     """What is wrong with the whole, if anything is."""
 
@@ -68,6 +80,9 @@ class SystemStatus(BaseModel):
     read_only: Annotated[str | None, Field(description="why nothing may be changed here")]
     refused_workers: list[RefusedWorker]
     unreadable_folders: list[UnreadableFolder]
+    certificates: Annotated[
+        list[CertificateStatus], Field(description="that are known, the first to end first")
+    ]
 
 
 class Health(BaseModel):
@@ -98,7 +113,23 @@ def get_status(_who: Viewer, parts: Parts) -> SystemStatus:
         unreadable_folders=[
             UnreadableFolder(folder=name, reason=reason) for name, reason in unreadable.items()
         ],
+        certificates=_certificates(parts),
     )
+
+
+def _certificates(parts: Context) -> list[CertificateStatus]:
+    now = datetime.now(UTC)
+    known = [*parts.certificates(), *of_workers(parts.topology())]
+    return [
+        CertificateStatus(
+            kind=certificate.kind,
+            id=certificate.id,
+            end_unix_s=certificate.life.end.timestamp(),
+            days_left=certificate.days_left(now),
+            near_end=certificate.life.is_near_end(now),
+        )
+        for certificate in sorted(known, key=lambda each: each.life.end)
+    ]
 
 
 @router.get("/audit", operation_id="listAudit", responses=responses(422))

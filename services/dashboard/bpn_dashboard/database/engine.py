@@ -1,5 +1,6 @@
 """One database: SQLite in write-ahead mode by default, or whatever a SQLAlchemy URL names."""
 
+import logging
 import os
 import sqlite3
 import threading
@@ -19,6 +20,10 @@ from sqlalchemy.exc import ArgumentError, NoSuchModuleError, OperationalError
 from sqlalchemy.exc import DatabaseError as SQLAlchemyDatabaseError
 from sqlalchemy.orm import Session
 from sqlalchemy.pool import ConnectionPoolEntry
+
+from bpn_dashboard.database.backup import BackupError, back_up, backups
+
+log = logging.getLogger(__name__)
 
 MIGRATIONS = Path(__file__).with_name("migrations")
 
@@ -46,7 +51,8 @@ class Database:
         url: a SQLAlchemy URL; for SQLite a file's, such as `sqlite:////data/dashboard.sqlite`.
 
     Raises:
-        DatabaseError: the URL is wrong, the database cannot be opened, or a newer program wrote it.
+        DatabaseError: the URL is wrong, the database cannot be opened, a newer program wrote it, or an older one
+            did and it cannot be copied before it is changed.
     """
 
     def __init__(self, url: str) -> None:
@@ -118,7 +124,8 @@ class Database:
     def _upgrade(self) -> None:
         config = Config()
         config.set_main_option("script_location", str(MIGRATIONS).replace("%", "%%"))
-        known = {script.revision for script in ScriptDirectory.from_config(config).walk_revisions()}
+        scripts = ScriptDirectory.from_config(config)
+        known = {script.revision for script in scripts.walk_revisions()}
         with self._engine.connect() as connection:
             if self._engine.dialect.name == "sqlite":
                 # A changed table is copied and renamed, and its rows must not cascade away meanwhile.
@@ -127,12 +134,44 @@ class Database:
                 if revision not in known:
                     raise DatabaseError(
                         f"{self} has schema {revision!r}, which this program does not know: a newer one "
-                        "wrote it. Use that version, or another database and `bpn dashboard reindex`"
+                        f"wrote it. Use that version, {self._copy_of(known)}or another database and "
+                        "`bpn dashboard reindex`"
                     )
+                if revision != (head := scripts.get_current_head()):
+                    self._back_up(revision, str(head))
             config.attributes["connection"] = connection
             command.upgrade(config, "head")
             connection.commit()
         self._engine.dispose()  # with its pragma
+
+    def _back_up(self, before: str, after: str) -> None:
+        """Keeps what the migrations change.
+
+        Raises:
+            DatabaseError: it cannot be copied; nothing was changed.
+        """
+        change = f"{self}: schema {before} becomes {after}"
+        if self._engine.dialect.name != "sqlite":
+            log.warning("%s; a server's database is not copied before", change)
+            return
+        path = Path(str(self._engine.url.database))
+        try:
+            copy = back_up(path, before)
+        except BackupError as error:
+            raise DatabaseError(
+                f"{change} only with a copy from before, which cannot be made: {error}. Nothing was changed: make "
+                f"room for {path.stat().st_size // 2**20 + 1} MiB"
+            ) from error
+        log.warning("%s; as it was it is kept in %s", change, copy)
+
+    def _copy_of(self, known: set[str]) -> str:
+        """Advice to put the newest copy in place that this program can read."""
+        if self._engine.dialect.name == "sqlite":
+            path = Path(str(self._engine.url.database))
+            for copy in reversed(backups(path)):
+                if copy.name.removeprefix(f"{path.name}.").split("-")[0] in known:
+                    return f"put {copy} in its place, "
+        return ""
 
 
 def _options(url: URL) -> dict[str, Any]:

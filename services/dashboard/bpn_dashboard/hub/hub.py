@@ -11,11 +11,11 @@ from bpn_dashboard.hub.client import Client, Transport
 from bpn_dashboard.hub.sources import Close, sources
 from bpn_dashboard.hub.topics import DELIVERY, Topic
 from bpn_dashboard.hub.topology import Topology
-from bpn_shared import keys
+from bpn_shared.bus import keys
 from bpn_shared.bus.liveliness import TokenWatch
 from bpn_shared.bus.session import Bus
 from bpn_shared.bus.telemetry import TelemetryWatch
-from bpn_shared.service import Counters
+from bpn_shared.counters import Counters
 
 MAX_CLIENTS = 100
 MAX_CLIENTS_OF_ONE = 40

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import orjson
 
-from bpn_shared import log_lines
+from bpn_shared.messages import log_lines
 from bpn_shared.runs.opening import file_names
 from bpn_shared.runs.tail import Tail, near_end
 

@@ -3,8 +3,9 @@
 from bpn_shared.bus.liveliness import AliveToken
 from bpn_shared.bus.session import Bus
 from bpn_shared.bus.telemetry import TelemetryPublisher
-from bpn_shared.service import Counters, Waiting
-from bpn_shared.telemetry import Latencies, Reporter, WeightsMarks
+from bpn_shared.counters import Counters
+from bpn_shared.runtime.telemetry import Latencies, Reporter, WeightsMarks
+from bpn_shared.waiting import Waiting
 
 KIND = "dashboard"
 
@@ -12,19 +13,19 @@ KIND = "dashboard"
 class Presence:
     """A liveliness token and telemetry, until it is closed."""
 
-    def __init__(self, bus: Bus, name: str, counters: Counters) -> None:
+    def __init__(self, bus: Bus, name: str, counters: Counters, waiting: Waiting) -> None:
         reporter = Reporter(
             KIND,
             name,
             lambda: (None, None),
             bus.traffic,
-            waiting=Waiting(),
+            waiting=waiting,
             counters=counters,
             latencies=Latencies(),
             weights=WeightsMarks(),
         )
         self._token = AliveToken(bus, KIND, name)
-        self._telemetry = TelemetryPublisher(bus, KIND, name, reporter.report)
+        self._telemetry = TelemetryPublisher(bus, KIND, name, reporter.report, counters)
 
     def close(self) -> None:
         """Ends the telemetry; the token goes with the session."""

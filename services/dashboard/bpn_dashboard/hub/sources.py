@@ -13,16 +13,16 @@ from bpn_dashboard.hub.channel import CameraFrame
 from bpn_dashboard.hub.protocol import ProtocolError
 from bpn_dashboard.hub.topics import DELIVERY, Kind, Topic
 from bpn_dashboard.hub.topology import Topology
-from bpn_shared import keys
-from bpn_shared.bnn.spec import IMAGE_SIZE_PX
+from bpn_shared.bus import keys
 from bpn_shared.bus.session import Bus
 from bpn_shared.bus.watch import Watch
+from bpn_shared.counters import Counters
 from bpn_shared.messages.base import MessageError
 from bpn_shared.messages.decision import Decision
 from bpn_shared.messages.metrics import MetricsBatch
 from bpn_shared.messages.preview import PreviewHeader, check_pixels
 from bpn_shared.runs.folder import RunFolder
-from bpn_shared.service import Counters
+from bpn_shared.spec.network import IMAGE_SIZE_PX
 
 Put = Callable[[Any], None]
 Close = Callable[[], None]

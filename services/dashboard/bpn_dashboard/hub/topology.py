@@ -14,9 +14,16 @@ from typing import Literal
 
 from pydantic import BaseModel, ConfigDict
 
-from bpn_shared import keys
-from bpn_shared.access import CHANNELS
-from bpn_shared.messages.telemetry import KeyTraffic, Percentiles, Telemetry, WeightsEvent
+from bpn_dashboard.hub.refusals import RefusalTotals
+from bpn_shared.bus import keys
+from bpn_shared.bus.access import CHANNELS
+from bpn_shared.messages.telemetry import (
+    CertificateLife,
+    KeyTraffic,
+    Percentiles,
+    Telemetry,
+    WeightsEvent,
+)
 
 STALE_AFTER_S = 3.0
 """Without a report for so long a service is stale: it may hang."""
@@ -87,6 +94,7 @@ class Node(_Model):
         waiting_s: how long it has waited, as of now.
         refusals: by counter, why the newest of what it counts was refused.
         version, protocol: of its program.
+        certificate: the life of the one with which it reaches the router.
     """
 
     kind: str
@@ -106,6 +114,7 @@ class Node(_Model):
     refusals: dict[str, str] = {}
     version: str = ""
     protocol: int | None = None
+    certificate: CertificateLife | None = None
     weights: dict[WeightsEvent, Weights] = {}
     latencies: dict[str, Percentiles] = {}
     flows: list[Flow] = []
@@ -180,6 +189,7 @@ class Topology:
         self._now_s = now_s
         self._lock = threading.Lock()
         self._known: dict[tuple[str, str], _Known] = {}
+        self._refusals = RefusalTotals()
 
     def token(self, key: str, alive: bool) -> None:
         """The liveliness token at this key appeared or went."""
@@ -192,6 +202,7 @@ class Topology:
         with self._lock:
             known = self._of(report.kind, report.worker)
             known.flows = list(_flows(known.report, report))
+            self._refusals.take(known.report, report)
             known.report, known.heard_s = report, self._now_s()
             self._note_loads(report.run)
 
@@ -215,6 +226,11 @@ class Topology:
             if rank != known.last_load and published_ns is not None and published_ns > started_ns:
                 known.last_load = rank
                 known.loads_us.append((loaded.time_ns - published_ns) / 1e3)
+
+    def refusals(self) -> dict[str, int]:
+        """How much services have refused, by their kind."""
+        with self._lock:
+            return self._refusals.by_kind()
 
     def snapshot(self) -> TopologySnapshot:
         """Nodes sorted by run, slot and kind; links between those that are not dead."""
@@ -272,7 +288,7 @@ def _node(known: _Known, now_s: float) -> Node:
         **report.model_dump(
             include={
                 "run", "slot", "host", "pid", "uptime_s", "waiting_for", "cpu_percent", "rss_bytes", "counters",
-                "refusals", "version", "protocol",
+                "refusals", "version", "protocol", "certificate",
             }
         ),
         waiting_s=round(report.waiting_s + age_s, 3) if report.waiting_for else 0.0,

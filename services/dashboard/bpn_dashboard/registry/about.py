@@ -8,19 +8,22 @@ import json
 from pathlib import Path
 from typing import Annotated, Any, Self
 
-from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
+from pydantic import BaseModel, ConfigDict, Field
 
 from bpn_dashboard.database.tables import RunRow, SweepRow
 from bpn_dashboard.registry.states import DesiredState
-from bpn_shared.config import ConfigError
+from bpn_shared.runs.digests import DamagedError, seal, unseal
 from bpn_shared.runs.files import write_atomically
 from bpn_shared.runs.folder import RunFolder
 from bpn_shared.runs.opening import read_file
+from bpn_shared.spec.config import ConfigError
 
 _FILE = "about.json"
 SWEEPS = "sweeps"
 """Folder of the sweeps' files, beside the run folders."""
-_OBJECT: TypeAdapter[dict[str, Any]] = TypeAdapter(dict[str, Any])
+_REMEDY = (
+    "restore it; or remove the line of its sha256 to take it as it is, or the file to forget it"
+)
 
 
 class About(BaseModel):
@@ -45,11 +48,20 @@ class About(BaseModel):
             ConfigError: the file is damaged.
         """
         try:
-            return cls.model_validate_json(folder.read_file(_FILE))
+            return cls.decode(folder.read_file(_FILE))
         except FileNotFoundError:
             return cls()
-        except (OSError, ValidationError) as error:
-            raise ConfigError(f"{folder.path / _FILE}: {error}") from error
+        except (OSError, ValueError) as error:
+            raise ConfigError(f"{folder.path / _FILE}: {error}; {_REMEDY}") from error
+
+    @classmethod
+    def decode(cls, data: bytes) -> Self:
+        """Reads what `write` wrote, and files without a digest, of before there was one.
+
+        Raises:
+            DamagedError, ValidationError: damaged.
+        """
+        return cls.model_validate_json(json.dumps(unseal(data)[0]))
 
     def columns(self) -> dict[str, Any]:
         """The columns but for the name, which may be left to be made up."""
@@ -59,9 +71,9 @@ class About(BaseModel):
     def write(cls, folder: RunFolder, row: RunRow) -> None:
         """Mirrors the row."""
         about = cls.model_validate(row).model_dump()
-        with contextlib.suppress(OSError, ValidationError):
-            about = _OBJECT.validate_json(folder.read_file(_FILE)) | about
-        folder.write(_FILE, json.dumps(about, indent=2).encode())
+        with contextlib.suppress(OSError, DamagedError):
+            about = unseal(folder.read_file(_FILE))[0] | about
+        folder.write(_FILE, seal(about))
 
 
 class SweepFile(BaseModel):
@@ -81,8 +93,7 @@ class SweepFile(BaseModel):
         """Mirrors the row."""
         path = cls.path(runs_dir, row.id)
         path.parent.mkdir(parents=True, exist_ok=True)
-        data = cls.model_validate(row).model_dump_json(indent=2).encode()
-        write_atomically(path, data, root=runs_dir)
+        write_atomically(path, seal(cls.model_validate(row).model_dump(mode="json")), root=runs_dir)
 
     @staticmethod
     def path(runs_dir: Path, sweep_id: str) -> Path:
@@ -97,7 +108,16 @@ class SweepFile(BaseModel):
             ConfigError: the file is damaged.
         """
         try:
-            data = read_file(runs_dir, f"{SWEEPS}/{name}")
-            return SweepRow(**cls.model_validate_json(data).model_dump())
-        except (OSError, ValidationError) as error:
-            raise ConfigError(f"{runs_dir / SWEEPS / name}: {error}") from error
+            sweep = cls.decode(read_file(runs_dir, f"{SWEEPS}/{name}"))
+            return SweepRow(**sweep.model_dump())
+        except (OSError, ValueError) as error:
+            raise ConfigError(f"{runs_dir / SWEEPS / name}: {error}; {_REMEDY}") from error
+
+    @classmethod
+    def decode(cls, data: bytes) -> Self:
+        """Reads what `write` wrote, and files without a digest, of before there was one.
+
+        Raises:
+            DamagedError, ValidationError: damaged.
+        """
+        return cls.model_validate_json(json.dumps(unseal(data)[0]))

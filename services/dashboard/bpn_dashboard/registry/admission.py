@@ -1,9 +1,9 @@
 """Whether a run may be worked on, as its folder says now. Reads files: not for who holds a lock."""
 
 from bpn_dashboard.registry.leases import Place
-from bpn_dashboard.registry.states import OVER
-from bpn_shared.config import ConfigError
 from bpn_shared.runs.folder import RunFolder, RunState
+from bpn_shared.runs.state import OVER
+from bpn_shared.spec.config import ConfigError
 
 
 def recorded(folder: RunFolder) -> RunState | None:

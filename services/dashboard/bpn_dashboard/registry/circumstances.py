@@ -8,7 +8,7 @@ from uuid import UUID
 from bpn_dashboard.registry.leases import LeaseBook, Place
 from bpn_dashboard.registry.setbacks import Setbacks
 from bpn_dashboard.registry.versions import Refused
-from bpn_shared.watchdog import Circumstances
+from bpn_shared.runtime.watchdog import Circumstances
 
 _MANY = 10
 
@@ -39,6 +39,7 @@ def around(
     refused: Iterable[Refused] = (),
     now_s: float,
     owner: str | None = None,
+    read_only: str = "",
     router: str = "",
     disk: str = "",
 ) -> Circumstances:
@@ -46,15 +47,19 @@ def around(
 
     Args:
         owner: who holds its folder although no worker of ours is its learner.
+        read_only: which other dashboard gives workers their work, if one does.
         router, disk: what is wrong with them, if anything is.
     """
     missing = book.missing(run)
     roles = {place.role for place in missing}
     if "learner" in roles:  # nobody else is of use before
         roles = {"learner"}
+    waits = _queue(run, book, queue, setbacks, missing)
+    if read_only and "learner" in roles:  # learners ask the other one, and are not known here
+        waits = iter([read_only])
     return Circumstances(
         router=router,
-        queue="; ".join(_queue(run, book, queue, setbacks, missing)),
+        queue="; ".join(waits),
         owner=f"its folder is held by {owner}, of whom nothing is heard" if owner else "",
         lacking=tuple(_lacking(book, setbacks, missing, now_s)),
         refused=tuple(worker.reason for worker in refused if worker.role in roles),

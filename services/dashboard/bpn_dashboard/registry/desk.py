@@ -18,13 +18,14 @@ from bpn_dashboard.registry.circumstances import Queue, around
 from bpn_dashboard.registry.leases import Demand, LeaseBook, Place
 from bpn_dashboard.registry.losses import Loss, Losses
 from bpn_dashboard.registry.setbacks import GiveBack, Setbacks
-from bpn_dashboard.registry.versions import Refusals, Refused, why_refused
-from bpn_shared import keys
+from bpn_dashboard.registry.versions import Refusals, Refused, why_refused, why_reported
+from bpn_shared.bus import keys
 from bpn_shared.bus.requests import RefusedError
+from bpn_shared.counters import Counters
 from bpn_shared.messages.lease import LeaseReply, LeaseRequest, Role
+from bpn_shared.messages.telemetry import Telemetry
 from bpn_shared.runs.folder import RunFolder
-from bpn_shared.service import Counters
-from bpn_shared.watchdog import Circumstances
+from bpn_shared.runtime.watchdog import Circumstances
 
 log = logging.getLogger(__name__)
 
@@ -50,13 +51,14 @@ class LeaseDesk:
     Args:
         folder: finds the folder of a run.
         news: called when something has changed.
-        counters: refused tokens are counted here.
+        counters: refused tokens are counted here, and `learner_deaths`.
     """
 
     def __init__(
         self, folder: Callable[[str], RunFolder], news: Callable[[], None], counters: Counters
     ) -> None:
         self._folder, self._news, self._counters = folder, news, counters
+        counters.add("learner_deaths", 0)  # what rises from nothing shall be seen to rise
         self._lock = threading.Lock()
         self._book, self._losses, self._setbacks = LeaseBook(), Losses(), Setbacks()
         self._refusals = Refusals()
@@ -104,6 +106,12 @@ class LeaseDesk:
         if place.role == "learner":
             self._losses.lost(place.run, worker, now_s)
 
+    def hear(self, report: Telemetry) -> None:
+        """A worker tells how it is; one that was told its run by hand asks nobody for work."""
+        if (reason := why_reported(report)) is not None:
+            with self._lock:
+                self._refusals.note(report.kind, report.worker, reason, time.monotonic())
+
     def on_router(self, router: str) -> None:
         """Which router is reached now: after another one, or none, tokens have to come back first."""
         with self._lock:
@@ -123,7 +131,7 @@ class LeaseDesk:
         now_s = time.monotonic()
         with self._lock:
             if (reason := why_refused(asked)) is not None:
-                self._refusals.note(asked, reason, now_s)
+                self._refusals.note(asked.role, asked.worker, reason, now_s)
                 raise RefusedError(reason)
             self._losses.heard_of(asked.worker)
             if asked.gpu is not None:
@@ -178,6 +186,11 @@ class LeaseDesk:
 
     # For the dispatcher
 
+    def vacancies(self) -> dict[Role, int]:
+        """By role, the places in wanted runs that nobody has."""
+        with self._lock:
+            return dict(self._book.vacancies())
+
     def settle(self) -> None:
         """Gives no leases until all tokens should have been seen."""
         with self._lock:
@@ -227,6 +240,7 @@ class LeaseDesk:
                 if run not in self._iterations or loss.iteration is None:
                     continue  # the run is over, or was to stop
                 log.warning("learner %s of run %s died", loss.worker, run)
+                self._counters.add("learner_deaths")
                 reason = self._setbacks.died(loss.run, loss.worker, loss.iteration)
                 if reason is not None:
                     self._given_up[run] = reason
@@ -268,12 +282,13 @@ class LeaseDesk:
                 self._book.depose(place, time.monotonic())
 
     def around(
-        self, owners: dict[str, str | None], router: str, disk: str
+        self, owners: dict[str, str | None], *, router: str, disk: str, read_only: str
     ) -> dict[str, Circumstances]:
         """What is known of runs that may stand still.
 
         Args:
             owners: of the runs asked for: who holds the folder although no worker of ours is its learner.
+            router, disk, read_only: as `circumstances.around` takes them.
         """
         now_s = time.monotonic()
         with self._lock:
@@ -281,7 +296,8 @@ class LeaseDesk:
             return {
                 run_id: around(
                     UUID(run_id), self._book, queue, self._setbacks,
-                    refused=refused, now_s=now_s, owner=owner, router=router, disk=disk,
+                    refused=refused, now_s=now_s, owner=owner,
+                    router=router, disk=disk, read_only=read_only,
                 )
                 for run_id, owner in owners.items()
             }  # fmt: skip

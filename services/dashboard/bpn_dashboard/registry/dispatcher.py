@@ -7,7 +7,7 @@ import logging
 import shutil
 import threading
 import time
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 
 from bpn_dashboard.database.tables import RunRow
 from bpn_dashboard.registry.admission import recorded
@@ -18,15 +18,19 @@ from bpn_dashboard.registry.observer import Observer
 from bpn_dashboard.registry.query import RunFilter
 from bpn_dashboard.registry.releases import Releases
 from bpn_dashboard.registry.stalls import Stalls
-from bpn_dashboard.registry.states import OVER, is_busy
-from bpn_dashboard.registry.store import RunStore
+from bpn_dashboard.registry.states import is_busy
+from bpn_dashboard.registry.store import RunStore, WhyNot
 from bpn_dashboard.registry.versions import Refused
-from bpn_shared import keys
+from bpn_dashboard.registry.view import RegistryView
+from bpn_shared.bus import keys
 from bpn_shared.bus.liveliness import TokenWatch
 from bpn_shared.bus.requests import NoReplyError, RefusedError, Responder, request
 from bpn_shared.bus.session import Bus
 from bpn_shared.bus.telemetry import TelemetryWatch
-from bpn_shared.service import Counters
+from bpn_shared.counters import Counters
+from bpn_shared.errors import one_line
+from bpn_shared.messages.telemetry import Telemetry
+from bpn_shared.runs.state import OVER
 
 log = logging.getLogger(__name__)
 
@@ -48,6 +52,8 @@ class Dispatcher:
     Args:
         counters: refused requests are counted here.
         leading: false: another registry serves this router; runs are watched, nothing is done to them.
+        read_only: which one, as a sentence; None: none that is known.
+        why_lost: the router is, where that is known; empty: it is not, or nobody can say why.
 
     Attributes:
         desk: what tokens and requests tell.
@@ -55,10 +61,12 @@ class Dispatcher:
     """
 
     def __init__(
-        self, bus: Bus, store: RunStore, counters: Counters, *, leading: bool = True
-    ) -> None:
+        self, bus: Bus, store: RunStore, counters: Counters,
+        *, leading: bool = True, read_only: WhyNot = lambda: None,
+        why_lost: Callable[[], str] = str,
+    ) -> None:  # fmt: skip
         self._bus, self._store, self._counters = bus, store, counters
-        self._leading = leading
+        self._leading, self._read_only, self._why_lost = leading, read_only, why_lost
         self._lock = threading.Lock()
         self._changed: dict[str, RunRow] = {}
         self._news = threading.Event()
@@ -67,27 +75,32 @@ class Dispatcher:
         self._rows: dict[str, RunRow] = {}  # of runs that are not over
         self._observers: dict[str, Observer] = {}
         self.stalls = Stalls()
-        self._releases = Releases(bus)
+        self._releases = Releases(bus, counters)
         self._probed_s: dict[str, float] = {}
+        self._advanced_unix_s: dict[str, float] = {}
         self._adopt_at_s = self._stalls_at_s = 0.0
-        self._served_s = time.monotonic()
+        self._served_s, self._trouble = time.monotonic(), ""
         self._thread = threading.Thread(target=self._run, name="dispatcher", daemon=True)
 
     def start(self) -> None:
         """Begins; workers get leases once the tokens of those that work already have been told."""
-        self._store.subscribe(self._take_changes)
+        self._store.audience.subscribe(self._take_changes)
         self._take_changes(self._store.find(RunFilter(states=_NOT_OVER, archived=None)))
         self.desk.on_router(self._bus.router)
         self._watches = (
             TokenWatch(self._bus, keys.live("*", "*"), self.desk.on_worker),
             TokenWatch(self._bus, keys.lease("*", "*", "*", "*"), self.desk.on_lease),
-            TelemetryWatch(self._bus, self.stalls.hear, Counters()),  # the hub counts what is none
+            TelemetryWatch(self._bus, self._hear, Counters()),  # the hub counts what is none
         )
         self._responder = self._respond() if self._leading else None
         self._thread.start()
 
     def _respond(self) -> Responder:
         return Responder(self._bus, keys.lease_request(), self._answer, self._counters)
+
+    def _hear(self, report: Telemetry) -> None:
+        self.stalls.hear(report)
+        self.desk.hear(report)
 
     def _answer(self, body: bytes) -> bytes:
         self.desk.on_router(self._bus.router)
@@ -105,7 +118,7 @@ class Dispatcher:
 
     def close(self) -> None:
         """Ends the thread; workers go on with what they have."""
-        self._store.unsubscribe(self._take_changes)
+        self._store.audience.unsubscribe(self._take_changes)
         self._closed.set()
         self._news.set()
         if self._thread.is_alive():
@@ -113,14 +126,21 @@ class Dispatcher:
         self._releases.close()
 
     @property
-    def alive(self) -> bool:
-        """Whether its rounds go on and succeed."""
-        served = time.monotonic() - self._served_s < _SERVED_WITHIN_S
-        return served and self._thread.is_alive()
+    def trouble(self) -> str | None:
+        """Why its rounds do not go on or succeed; None: they do."""
+        if not self._thread.is_alive():
+            return "its thread has ended"
+        if time.monotonic() - self._served_s < _SERVED_WITHIN_S:
+            return None
+        return self._trouble or f"a round takes longer than {_SERVED_WITHIN_S:.0f} s"
 
     def refused(self) -> list[Refused]:
         """The workers that ask for work and cannot be used."""
         return self.desk.refused()
+
+    def view(self) -> RegistryView:
+        """What is known beside the rows."""
+        return RegistryView(self.stalls.kinds(), self._advanced_unix_s, self.desk.vacancies())
 
     def _take_changes(self, rows: Sequence[RunRow]) -> None:
         with self._lock:
@@ -135,9 +155,10 @@ class Dispatcher:
             self._news.clear()
             try:
                 self._tick()
-                self._served_s = time.monotonic()
-            except Exception:
-                log.exception("the registry's round failed, and is tried again")
+                self._served_s, self._trouble = time.monotonic(), ""
+            except Exception as error:
+                self._trouble = one_line(error)
+                self._counters.fault("rounds_failed", "a round of the registry", error)
                 self._closed.wait(PERIOD_S)
 
     def _tick(self) -> None:
@@ -145,6 +166,7 @@ class Dispatcher:
         if now_s >= self._adopt_at_s:
             self._store.adopt()
             self._take_changes(self._store.changed_folders())
+            self._forget_removed()
             self._adopt_at_s = now_s + ADOPT_S
         self.desk.on_router(self._bus.router)
         self._note_losses()
@@ -195,6 +217,12 @@ class Dispatcher:
             _keep_newest(self._rows, self._store.observe(news))
         return bool(news)
 
+    def _forget_removed(self) -> None:
+        if removed := self._rows.keys() - self._store.ids():
+            for run_id in removed:
+                self._forget(run_id)
+            self._demand()
+
     def _forget(self, run_id: str) -> None:
         del self._rows[run_id]
         self._observers.pop(run_id, None)
@@ -215,6 +243,9 @@ class Dispatcher:
 
     def _observe_stalls(self, now_s: float) -> None:
         self.stalls.read()
+        self._advanced_unix_s = {
+            run_id: observer.advanced_unix_s for run_id, observer in self._observers.items()
+        }
         # An owner whose token is gone may be frozen or cut off, and is spoken of as silent.
         owners = {observer.owner for observer in self._observers.values()}
         for worker in self.stalls.workers() - self.desk.alive() - owners:
@@ -223,12 +254,18 @@ class Dispatcher:
             run_id: observer.owner if (observer := self._observers.get(run_id)) is not None
             and observer.elsewhere else None for run_id in self._rows
         }  # fmt: skip
-        connected = self._bus.connected
-        router = "" if connected else f"the router at {self._bus.endpoint} is not reached"
-        known = self.desk.around(elsewhere, router, self._disk())
+        known = self.desk.around(
+            elsewhere, router=self._router(), disk=self._disk(), read_only=self._read_only() or ""
+        )
         self._store_seen(
             {run: self.stalls.columns(self._rows[run], known[run], now_s) for run in known}
         )
+
+    def _router(self) -> str:
+        if self._bus.connected:
+            return ""
+        why = self._why_lost()
+        return f"the router at {self._bus.endpoint} is not reached" + (f": {why}" if why else "")
 
     def _disk(self) -> str:
         try:

@@ -13,9 +13,10 @@ import time
 from collections.abc import Callable
 from typing import NamedTuple
 
-from bpn_shared import keys
+from bpn_shared.bus import keys
 from bpn_shared.bus.liveliness import Token, TokenWatch
 from bpn_shared.bus.session import Bus
+from bpn_shared.counters import Counters
 
 log = logging.getLogger(__name__)
 
@@ -64,13 +65,18 @@ class Election:
         """The router was reached again; others may take a little longer."""
         self._free_from_s = max(self._free_from_s, now_s + MISSED_S)
 
-    def decide(self, now_s: float) -> bool:
-        """Whether to serve from now on."""
+    def decide(self, now_s: float, *, connected: bool = True) -> bool:
+        """Whether to serve from now on; who does not reach the router sees nobody, and does not begin to."""
         if self.serves:
             self.serves = all(self._key < other for other in self._others)
         else:
-            self.serves = not self._others and now_s >= self._free_from_s
+            self.serves = connected and not self._others and now_s >= self._free_from_s
         return self.serves
+
+    @property
+    def settled(self) -> bool:
+        """Whether it is known who serves."""
+        return self.serves or bool(self._others)
 
     @property
     def rival(self) -> Rival | None:
@@ -87,10 +93,13 @@ class Candidate:
     Args:
         name: of this life of the dashboard.
         lead: is told whether to serve, on the thread.
+        counters: what fails is counted here.
     """
 
-    def __init__(self, bus: Bus, name: str, lead: Callable[[bool], None]) -> None:
-        self._bus, self._lead = bus, lead
+    def __init__(
+        self, bus: Bus, name: str, lead: Callable[[bool], None], counters: Counters
+    ) -> None:
+        self._bus, self._lead, self._counters = bus, lead, counters
         host = re.sub(r"[^A-Za-z0-9_.-]", "-", platform.node()) or "unknown"
         self._key = keys.serving(host, str(os.getpid()), name)
         self._lock = threading.Lock()
@@ -114,6 +123,12 @@ class Candidate:
         with self._lock:
             return self._election.rival
 
+    @property
+    def settled(self) -> bool:
+        """Whether it is known who serves."""
+        with self._lock:
+            return self._election.settled
+
     def close(self) -> None:
         """Takes part no more; the token goes with the session."""
         self._closed.set()
@@ -128,15 +143,17 @@ class Candidate:
         while not self._closed.wait(_PERIOD_S):
             try:
                 self._decide()
-            except Exception:
-                log.exception("the election of who serves the router failed, and is tried again")
+            except Exception as error:
+                self._counters.fault(
+                    "elections_failed", "the election of who serves the router", error
+                )
 
     def _decide(self) -> None:
         with self._lock:
             if (router := self._bus.router) != self._router:
                 self._router = router
                 self._election.reconnected(time.monotonic())
-            serves = self._election.decide(time.monotonic())
+            serves = self._election.decide(time.monotonic(), connected=self._bus.connected)
             rival = self._election.rival
         if serves == (self._token is not None):
             return

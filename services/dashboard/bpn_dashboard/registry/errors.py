@@ -6,10 +6,14 @@ class RegistryError(ValueError):
 
 
 class UnknownRunError(RegistryError):
-    """There is no run of that id."""
+    """There is no run of that id.
 
-    def __init__(self, run_id: str) -> None:
-        super().__init__(f"there is no run {run_id}")
+    Args:
+        why: where it is instead, if that is known.
+    """
+
+    def __init__(self, run_id: str, why: str = "") -> None:
+        super().__init__(why or f"there is no run {run_id}")
 
 
 class UnknownSweepError(RegistryError):

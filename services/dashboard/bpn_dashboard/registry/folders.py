@@ -4,17 +4,19 @@ import contextlib
 import hashlib
 import json
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 from uuid import UUID
 
 from bpn_dashboard.database.tables import RunRow
 from bpn_dashboard.registry.about import About
+from bpn_dashboard.registry.errors import UnknownRunError
 from bpn_dashboard.registry.progress import Progress
 from bpn_dashboard.registry.states import observed
-from bpn_shared.config import ConfigError
 from bpn_shared.runs.folder import RunFolder, is_run_id
+from bpn_shared.runs.trash import Removed, Trash
+from bpn_shared.spec.config import ConfigError
 
 _FILES = ("config.json", "state.json", "about.json")
 _NEEDED: dict[str, tuple[type, int]] = {
@@ -59,6 +61,38 @@ def why_none(folder: RunFolder) -> str | None:
     return f"{folder.path}: {' and '.join(missing) or 'a file'} is not there, or not yet"
 
 
+@contextlib.contextmanager
+def there(run_id: str) -> Iterator[None]:
+    """A run whose folder the body does not find has just been removed.
+
+    Raises:
+        UnknownRunError: it was.
+    """
+    try:
+        yield
+    except FileNotFoundError as error:
+        raise UnknownRunError(run_id) from error
+
+
+def name_of(about: About, values: Mapping[str, Any]) -> str:
+    """The name of a run: what people call it, or what its configuration says most of."""
+    task, algorithm, seed = (values.get(key, "?") for key in ("task", "algorithm", "seed"))
+    return about.name or f"{task} {algorithm} seed {seed}"
+
+
+def named_contents(trash: Trash) -> list[tuple[Removed, str]]:
+    """What is in the trash, those removed last first, each with its name."""
+    return [(removed, name_in_trash(trash, removed.run)) for removed in trash.contents()]
+
+
+def name_in_trash(trash: Trash, run_id: str) -> str:
+    """The name of a removed run, as far as its files tell."""
+    folder, about = RunFolder(trash.path / run_id), About()
+    with contextlib.suppress(ConfigError):
+        about = About.read(folder)
+    return name_of(about, folder.raw_config())
+
+
 def row_of(folder: RunFolder, about: About | None = None) -> RunRow:
     """The row of a run.
 
@@ -94,7 +128,7 @@ def row_of(folder: RunFolder, about: About | None = None) -> RunRow:
         created_at=recorded.created_unix_s,
         updated_at=(folder.path / "state.json").stat().st_mtime,
         **about.columns(),
-        name=about.name or f"{values['task']} {values['algorithm']} seed {values['seed']}",
+        name=name_of(about, values),
         **Progress(folder).read(),
     )
 

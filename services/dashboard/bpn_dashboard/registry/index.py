@@ -4,7 +4,7 @@ import contextlib
 import logging
 import os
 import threading
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple
@@ -17,9 +17,10 @@ from bpn_dashboard.database.engine import Database
 from bpn_dashboard.database.tables import RunRow, SweepRow
 from bpn_dashboard.registry.about import SWEEPS, SweepFile
 from bpn_dashboard.registry.folders import Signature, candidates, row_of, signature, why_none
-from bpn_shared.config import ConfigError
+from bpn_dashboard.series import store as series_store
 from bpn_shared.runs.folder import RunFolder
 from bpn_shared.runs.opening import file_names
+from bpn_shared.spec.config import ConfigError
 
 log = logging.getLogger(__name__)
 
@@ -47,12 +48,15 @@ class Index:
     """Rows from folders.
 
     Attributes:
-        making: held by whoever makes a run, while that has a folder and no row yet.
+        making: held by whoever makes, removes or restores a run, while that has a folder and no row, or a row and
+            no folder.
+        gone: runs that have a row still, because the database takes nothing now, and no folder.
     """
 
     def __init__(self, database: Database, runs_dir: Path) -> None:
         self._database, self._runs_dir = database, runs_dir
         self.making = threading.Lock()
+        self.gone: frozenset[str] = frozenset()
         self._unreadable: dict[str, _Unreadable] = {}
         self._seen_s: dict[str, float] | None = None  # by run, when its state was last written
 
@@ -72,6 +76,35 @@ class Index:
                 return rows
             except _UNSTORABLE:
                 return [row for row in rows if self._merge_alone(row)]
+
+    def drop_vanished(self) -> frozenset[str]:
+        """Deletes the rows of runs whose folders are not there any more, whoever removed them; returns which.
+
+        The database may take nothing, as on a full disk: then they are `gone`, and it is tried again next time.
+        """
+        if not self._runs_dir.is_dir():  # an unmounted disk, of which nothing is known
+            return frozenset()
+        with self.making:
+            with self._database.reading() as session:
+                known = set(session.scalars(select(RunRow.id)))
+            vanished = frozenset(
+                known - {folder.path.name for folder in candidates(self._runs_dir)}
+            )
+            news = vanished - self.gone
+            try:
+                self.drop(vanished)
+            except OperationalError as error:
+                if news:
+                    log.warning("the rows of removed runs stay for now: %s", error.orig)
+                self.gone = vanished
+        return news
+
+    def drop(self, run_ids: frozenset[str]) -> None:
+        """Deletes these runs' rows, and their curves."""
+        if run_ids:
+            with self._database.writing() as session:
+                forget(session, run_ids)
+        self.gone = frozenset()
 
     def _merge(self, rows: Sequence[RunRow]) -> None:
         if rows:
@@ -116,8 +149,7 @@ class Index:
                     session.merge(row)
                 session.flush()
                 gone = set(session.scalars(select(RunRow.id))) - {row.id for row in rows}
-                for run_id in gone:
-                    session.execute(delete(RunRow).where(RunRow.id == run_id))
+                forget(session, gone)
                 session.execute(delete(SweepRow).where(SweepRow.id.not_in(kept)))
         result.runs, result.sweeps, result.removed = len(rows), len(sweeps), len(gone)
         return result
@@ -165,6 +197,13 @@ class Index:
             except ConfigError as error:
                 damaged.append(str(error))
         return sweeps
+
+
+def forget(session: Session, run_ids: Collection[str]) -> None:
+    """Deletes rows of runs, and their curves."""
+    for run_id in run_ids:
+        session.execute(delete(RunRow).where(RunRow.id == run_id))
+        series_store.forget(session, run_id)
 
 
 def _unreadable_part(folder: RunFolder) -> str | None:

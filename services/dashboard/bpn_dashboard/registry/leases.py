@@ -5,6 +5,7 @@ worker's token at a place, or a grant so young that its token may still come. So
 knows all leases, and a registry that was restarted goes on where the last one stopped.
 """
 
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -174,6 +175,10 @@ class LeaseBook:
             return []
         roles: tuple[Role, ...] = ("learner", "robot_sim", "edge")
         return [p for role in roles for p in demand.places(role) if p not in self._leases]
+
+    def vacancies(self) -> Counter[Role]:
+        """By role, the places of all runs that nobody has."""
+        return Counter(place.role for run in self._demands for place in self.missing(run))
 
     def runs(self) -> set[UUID]:
         """The runs that someone has a lease of."""

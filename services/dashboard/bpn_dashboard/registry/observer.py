@@ -6,9 +6,10 @@ from typing import Any
 
 from bpn_dashboard.database.tables import RunRow
 from bpn_dashboard.registry.progress import Progress
-from bpn_dashboard.registry.states import OVER, observed
-from bpn_shared.config import ConfigError
+from bpn_dashboard.registry.states import observed
 from bpn_shared.runs.folder import RunFolder, RunOwnedError
+from bpn_shared.runs.state import OVER
+from bpn_shared.spec.config import ConfigError
 
 log = logging.getLogger(__name__)
 
@@ -19,6 +20,7 @@ class Observer:
     Attributes:
         owner: whose attempt it was at the last look, if one was running.
         elsewhere: somebody owned the run then, and it was no worker of ours.
+        advanced_unix_s: when it ended its newest iteration, or began its attempt if that was later.
     """
 
     def __init__(self, folder: RunFolder) -> None:
@@ -28,6 +30,7 @@ class Observer:
         self._trouble = ""
         self.owner = ""
         self.elsewhere = False
+        self.advanced_unix_s = 0.0
 
     def iteration(self) -> int:
         """How many iterations are done."""
@@ -64,6 +67,7 @@ class Observer:
         except Exception as error:  # whatever lies in one folder, the others go on
             return {"error": self._tell(row, error)}
         self._trouble = ""
+        self.advanced_unix_s = max(self._progress.newest_unix_s, recorded.updated_unix_s)
         state = observed(
             recorded.state,
             "running" if row.desired_state == "running" else "stopped",

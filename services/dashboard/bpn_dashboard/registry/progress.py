@@ -6,6 +6,7 @@ from typing import Annotated, Any, Self
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
+from bpn_shared.runs.digests import DamagedError, check_line
 from bpn_shared.runs.folder import RunFolder
 from bpn_shared.runs.tail import Tail
 
@@ -23,6 +24,7 @@ class Record(BaseModel):
     weights_version: Annotated[int, Field(ge=0, lt=2**63)]
     length: _Number
     return_px: _Number | None = None
+    time_unix_s: _Number = 0.0
     return_own: Annotated[_Number | None, Field(validation_alias="return")] = None
 
     @model_validator(mode="after")
@@ -51,6 +53,12 @@ class Progress:
         self._returns: deque[float] = deque(maxlen=_MEAN_OF)
         self._best: float | None = None
 
+    @property
+    def newest_unix_s(self) -> float:
+        """When the newest iteration was written down; 0: there is none, or it does not tell."""
+        at_s = 0.0 if self._last is None else self._last.time_unix_s
+        return at_s if math.isfinite(at_s) else 0.0
+
     def read(self) -> dict[str, Any]:
         """Iterations done and what they came to, by column of `RunRow`.
 
@@ -62,11 +70,10 @@ class Progress:
                 self._begin()
             for line in growth.lines():
                 try:
+                    check_line(line)
                     self._take(Record.model_validate_json(line))
-                except (
-                    ValidationError
-                ):  # cut by a crash, or damaged; the series count and name such lines
-                    continue
+                except (DamagedError, ValidationError):
+                    continue  # cut by a crash, or damaged; the series count and name such lines
         last = self._last
         if last is None:
             return {"iteration": 0}

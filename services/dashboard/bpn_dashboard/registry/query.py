@@ -4,7 +4,7 @@ A page continues after the last row of the one before it, not at a count, so tha
 meanwhile neither repeat nor hide others.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Annotated, Any
 
@@ -14,7 +14,7 @@ from sqlalchemy.orm import InstrumentedAttribute, Session
 
 from bpn_dashboard.database.tables import RunRow
 from bpn_dashboard.registry.errors import FilterError
-from bpn_shared.config import RunConfig
+from bpn_shared.spec.config import RunConfig
 
 SORT_KEYS: dict[str, InstrumentedAttribute[Any]] = {
     column.key: column
@@ -38,6 +38,7 @@ class RunFilter:
         states: one of these; empty: any.
         archived: whether it is archived; None: either.
         config: configuration keys with the value that they must have, as text.
+        without: none of these, by id.
     """
 
     search: str = ""
@@ -47,6 +48,7 @@ class RunFilter:
     sweep_id: str | None = None
     archived: bool | None = False
     config: Mapping[str, str] = field(default_factory=dict)
+    without: frozenset[str] = frozenset()
 
 
 @dataclass(frozen=True)
@@ -89,6 +91,21 @@ def find_page(
     return Page(rows, (getattr(rows[-1], sort), rows[-1].id) if more else None, total)
 
 
+def states_of_sweeps(
+    session: Session, sweep_ids: Sequence[str], *, without: Collection[str]
+) -> dict[str, dict[str, int]]:
+    """How many runs of each sweep are in each state, but for the runs `without`."""
+    query = (
+        select(RunRow.sweep_id, RunRow.state, func.count())
+        .where(RunRow.sweep_id.in_(sweep_ids), RunRow.id.not_in(without))
+        .group_by(RunRow.sweep_id, RunRow.state)
+    )
+    states: dict[str, dict[str, int]] = {sweep_id: {} for sweep_id in sweep_ids}
+    for sweep_id, state, count in session.execute(query):
+        states[str(sweep_id)][state] = count
+    return states
+
+
 def _behind(
     key: InstrumentedAttribute[Any], descending: bool, after: Cursor
 ) -> ColumnElement[bool]:
@@ -120,6 +137,8 @@ def conditions(runs: RunFilter) -> list[ColumnElement[bool]]:
     if runs.archived is not None:
         given = RunRow.archived_at.is_not(None)
         found.append(given if runs.archived else RunRow.archived_at.is_(None))
+    if runs.without:
+        found.append(RunRow.id.not_in(runs.without))
     return found + [_config_is(key, text) for key, text in runs.config.items()]
 
 

@@ -1,17 +1,15 @@
 """Tells workers to let go of their places, beside the registry's rounds: one that is frozen delays nobody."""
 
-import logging
 import time
 from collections.abc import Iterable
 from concurrent.futures import Future, ThreadPoolExecutor
 
 from bpn_dashboard.registry.leases import Place
-from bpn_shared import keys
+from bpn_shared.bus import keys
 from bpn_shared.bus.requests import NoReplyError, RefusedError, request
 from bpn_shared.bus.session import Bus
+from bpn_shared.counters import Counters
 from bpn_shared.messages.lease import Release
-
-log = logging.getLogger(__name__)
 
 _TIMEOUT_S = 1.0
 _AGAIN_S = 1.0
@@ -19,10 +17,14 @@ _AT_ONCE = 8
 
 
 class Releases:
-    """Tells each again every second until it is told no more."""
+    """Tells each again every second until it is told no more.
 
-    def __init__(self, bus: Bus) -> None:
-        self._bus = bus
+    Args:
+        counters: what goes wrong is counted here.
+    """
+
+    def __init__(self, bus: Bus, counters: Counters) -> None:
+        self._bus, self._counters = bus, counters
         self._pool = ThreadPoolExecutor(_AT_ONCE, thread_name_prefix="release")
         self._told: dict[tuple[Place, str], tuple[float, Future[None]]] = {}
 
@@ -41,9 +43,10 @@ class Releases:
         try:
             request(self._bus, keys.control(place.role, worker), body, timeout_s=_TIMEOUT_S)
         except (NoReplyError, RefusedError) as error:
-            log.warning("%s does not let go of run %s: %s", worker, place.run, error)
-        except Exception:
-            log.exception("telling %s to let go of run %s failed", worker, place.run)
+            said = f"{worker} does not let go of run {place.run}: {error}"
+            self._counters.refuse("releases_unanswered", said)
+        except Exception as error:
+            self._counters.fault("releases_failed", "telling workers to let go", error)
 
     def close(self) -> None:
         """Tells nobody any more."""

@@ -7,9 +7,9 @@ from typing import Any
 from uuid import UUID
 
 from bpn_dashboard.database.tables import RunRow
-from bpn_dashboard.registry.states import OVER
 from bpn_shared.messages.telemetry import Telemetry
-from bpn_shared.watchdog import Circumstances, Watchdog
+from bpn_shared.runs.state import OVER
+from bpn_shared.runtime.watchdog import CauseKind, Circumstances, Watchdog, sentence
 
 log = logging.getLogger(__name__)
 
@@ -17,7 +17,7 @@ NOTHING: dict[str, Any] = {"waiting_reason": "", "waiting_since": None}
 
 
 class Stalls:
-    """Belongs to one thread, but for `hear`."""
+    """Belongs to one thread, but for `hear` and `kinds`."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
@@ -27,6 +27,7 @@ class Stalls:
         self._queued: set[str] = set()
         self._since_unix_s: dict[str, float] = {}
         self._logged: set[str] = set()
+        self._kinds: dict[str, frozenset[CauseKind]] = {}
 
     def hear(self, report: Telemetry) -> None:
         """A service tells how it is. May be called on any thread."""
@@ -79,7 +80,10 @@ class Stalls:
         if stall is None and row.state != "queued":
             self._ends(row.id)
             return NOTHING
-        reason = watchdog.reason(now_s, around) if stall is None else stall.reason
+        causes = watchdog.causes(now_s, around) if stall is None else stall.causes
+        with self._lock:
+            self._kinds[row.id] = frozenset(cause.kind for cause in causes)
+        reason = sentence(causes)
         for_s = 0.0 if stall is None else stall.for_s
         since = self._since_unix_s.setdefault(row.id, time.time() - for_s)
         if stall is not None and row.id not in self._logged and "before it" not in reason:
@@ -87,7 +91,14 @@ class Stalls:
             log.warning("run %s has made no progress for %.0f s: %s", row.id, for_s, reason)
         return {"waiting_reason": reason, "waiting_since": since}
 
+    def kinds(self) -> dict[str, frozenset[CauseKind]]:
+        """Why the runs that wait do so. May be called on any thread."""
+        with self._lock:
+            return dict(self._kinds)
+
     def _ends(self, run_id: str) -> None:
+        with self._lock:
+            self._kinds.pop(run_id, None)
         since = self._since_unix_s.pop(run_id, None)
         if run_id in self._logged and since is not None:
             self._logged.remove(run_id)
@@ -96,6 +107,8 @@ class Stalls:
     def forget(self, run_id: str) -> None:
         """The run is over, or nobody wants it now."""
         self._watchdogs.pop(run_id, None)
+        with self._lock:
+            self._kinds.pop(run_id, None)
         self._queued.discard(run_id)
         self._since_unix_s.pop(run_id, None)
         self._logged.discard(run_id)

@@ -6,11 +6,12 @@ they say that what is recorded and what is wanted or there do not agree yet.
 
 from typing import Literal
 
-from bpn_shared.runs.folder import State
+from bpn_shared.runs.state import OVER, State
 
 DesiredState = Literal["running", "stopped"]
 
-OVER: tuple[State, ...] = ("finished", "failed")
+BUSY: tuple[State, ...] = ("running", "stopping", "lost")
+"""In which something may be working on a run."""
 LOST_AFTER_S = 5.0
 """How long a running run may be without a learner, as between one that died and the next."""
 
@@ -51,4 +52,4 @@ def is_wanted(recorded: State, desired: DesiredState) -> bool:
 
 def is_busy(state: State | str) -> bool:
     """Whether something may be working on a run that is shown in this state."""
-    return state in ("running", "stopping", "lost")
+    return state in BUSY

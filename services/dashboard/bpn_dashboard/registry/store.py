@@ -10,13 +10,14 @@ from typing import Any
 from uuid import UUID
 
 import uuid_utils
-from sqlalchemy import func, select
+from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from bpn_dashboard.database import audit
 from bpn_dashboard.database.engine import Database
 from bpn_dashboard.database.tables import RunRow, SweepRow
 from bpn_dashboard.registry.about import About, SweepFile
+from bpn_dashboard.registry.audience import Audience
 from bpn_dashboard.registry.errors import (
     ReadOnlyError,
     RunBusyError,
@@ -25,20 +26,25 @@ from bpn_dashboard.registry.errors import (
     UnknownRunError,
     UnknownSweepError,
 )
-from bpn_dashboard.registry.folders import row_of
+from bpn_dashboard.registry.folders import row_of, there
 from bpn_dashboard.registry.index import Index
 from bpn_dashboard.registry.observations import Changes, Observations, apply
-from bpn_dashboard.registry.query import Cursor, Page, RunFilter, conditions, find_page
-from bpn_dashboard.registry.states import OVER, is_busy
+from bpn_dashboard.registry.query import (
+    Cursor,
+    Page,
+    RunFilter,
+    conditions,
+    find_page,
+    states_of_sweeps,
+)
+from bpn_dashboard.registry.states import is_busy
 from bpn_dashboard.registry.sweeps import expand
-from bpn_shared.config import RunConfig
 from bpn_shared.runs.creation import Workplace
 from bpn_shared.runs.folder import RunFolder
+from bpn_shared.runs.state import OVER
+from bpn_shared.spec.config import RunConfig
 
 WhyNot = Callable[[], str | None]
-
-Listener = Callable[[Sequence[RunRow]], None]
-"""Takes the rows that have changed, on the thread that changed them: it must be quick."""
 
 
 class RunStore:
@@ -48,7 +54,11 @@ class RunStore:
 
     Args:
         runs_dir: where the run folders are.
-        read_only: why people may change nothing now; None: they may.
+        read_only: why people may change nothing now; None: they may. May wait until that is known.
+
+    Attributes:
+        audience: who hears of changes.
+        index: the rows from the folders.
     """
 
     def __init__(
@@ -56,19 +66,16 @@ class RunStore:
     ) -> None:
         self._database, self._read_only = database, read_only
         self.runs_dir = runs_dir
-        self._listeners: list[Listener] = []
+        self.audience = Audience()
         self.index = Index(database, runs_dir)
         self._observations = Observations(database)
 
-    def subscribe(self, listener: Listener) -> None:
-        """From now on `listener` hears of every change, after it is stored."""
-        self._listeners.append(listener)
+    def check_writable(self) -> None:
+        """Nothing, or
 
-    def unsubscribe(self, listener: Listener) -> None:
-        """Ends that."""
-        self._listeners.remove(listener)
-
-    def _check_writable(self) -> None:
+        Raises:
+            ReadOnlyError: another dashboard serves the router.
+        """
         if (reason := self._read_only()) is not None:
             raise ReadOnlyError(reason)
 
@@ -86,6 +93,8 @@ class RunStore:
         """
         with self._database.reading() as session:
             row = _run(session, run_id)
+        if run_id in self.index.gone:
+            raise UnknownRunError(run_id)
         return self._observations.shown([row])[0]
 
     def page(
@@ -104,7 +113,7 @@ class RunStore:
         """
         with self._database.reading() as session:
             page = find_page(
-                session, runs or RunFilter(),
+                session, self._of_those_there(runs),
                 sort=sort, descending=descending, after=after, limit=limit,
             )  # fmt: skip
         return replace(page, rows=self._observations.shown(page.rows))
@@ -116,9 +125,17 @@ class RunStore:
             FilterError: the filter is none; the message says why.
         """
         with self._database.reading() as session:
-            where = conditions(runs or RunFilter())
+            where = conditions(self._of_those_there(runs))
             rows = list(session.scalars(select(RunRow).where(*where).order_by(RunRow.created_at)))
         return self._observations.shown(rows)
+
+    def ids(self) -> frozenset[str]:
+        """Of all runs that there are."""
+        with self._database.reading() as session:
+            return frozenset(session.scalars(select(RunRow.id))) - self.index.gone
+
+    def _of_those_there(self, runs: RunFilter | None) -> RunFilter:
+        return replace(runs or RunFilter(), without=self.index.gone)
 
     # Runs: change
 
@@ -137,14 +154,14 @@ class RunStore:
             ReadOnlyError: another dashboard serves the router.
             OSError: its folder cannot be made, as on a full disk; nothing of it is left.
         """
-        self._check_writable()
+        self.check_writable()
         with self.index.making, ExitStack() as undo:
             row = self._new_run(undo, config, name=name, notes=notes, tags=tags, sweep_id=None)
             with self._database.writing() as session:
                 session.add(row)
                 audit.record(session, actor, "create", row.id, config=row.config)
             undo.pop_all()
-        self._tell([row])
+        self.audience.tell([row])
         return row
 
     def _new_run(
@@ -257,8 +274,8 @@ class RunStore:
         self, run_id: str, action: str, actor: str, decide: Callable[[RunRow], Changes]
     ) -> RunRow:
         """Makes the changes that `decide` finds for the row as it is now; nothing if it raises."""
-        self._check_writable()
-        with self._database.writing() as session:
+        self.check_writable()
+        with self._database.writing() as session, there(run_id):
             row = _run(session, run_id)
             changes = decide(row)
             if not apply(row, changes):
@@ -266,29 +283,26 @@ class RunStore:
             row.rev += 1
             audit.record(session, actor, action, run_id, **changes)
             About.write(self.folder(run_id), row)
-        self._tell([row])
+        self.audience.tell([row])
         return row
 
     def observe(self, observations: Mapping[str, Changes]) -> list[RunRow]:
         """Stores what was seen of runs (id to columns); returns the rows that it changed."""
         changed = self._observations.write(observations)
-        self._tell(changed)
+        self.audience.tell(changed)
         return changed
 
     def adopt(self) -> None:
-        """Makes rows for the folders that have none: of runs that other programs made."""
+        """Makes rows for folders that have none, of runs that other programs made, and drops those without one."""
         self._observations.retry()
-        self._tell(self.index.adopt())
+        self.audience.tell(self.index.adopt())
+        self.audience.tell_gone(self.index.drop_vanished())
 
     def changed_folders(self) -> list[RunRow]:
         """The runs whose folders' state was written since last time, by whomever."""
         with self._database.reading() as session:
             ids = self.index.changed(session)
             return list(session.scalars(select(RunRow).where(RunRow.id.in_(ids)))) if ids else []
-
-    def _tell(self, rows: Sequence[RunRow]) -> None:
-        for listener in tuple(self._listeners) if rows else ():
-            listener(rows)
 
     # Sweeps
 
@@ -312,7 +326,7 @@ class RunStore:
             ConfigError: a key or value of configuration or grid is wrong; nothing was made.
             OSError: a folder cannot be made, as on a full disk; nothing of the sweep is left.
         """
-        self._check_writable()
+        self.check_writable()
         runs = expand(config, grid, seeds, place)
         sweep = SweepRow(
             id=_new_id(), name=name, config=dict(config), seeds=list(seeds), created_at=time.time(),
@@ -330,7 +344,7 @@ class RunStore:
                 session.add_all(rows)
                 audit.record(session, actor, "create_sweep", sweep.id, name=name, runs=len(rows))
             undo.pop_all()
-        self._tell(rows)
+        self.audience.tell(rows)
         return sweep
 
     def get_sweep(self, sweep_id: str) -> SweepRow:
@@ -355,16 +369,8 @@ class RunStore:
 
     def sweep_states(self, sweep_ids: Sequence[str]) -> dict[str, dict[str, int]]:
         """How many runs of each sweep are in each state."""
-        query = (
-            select(RunRow.sweep_id, RunRow.state, func.count())
-            .where(RunRow.sweep_id.in_(sweep_ids))
-            .group_by(RunRow.sweep_id, RunRow.state)
-        )
-        states: dict[str, dict[str, int]] = {sweep_id: {} for sweep_id in sweep_ids}
         with self._database.reading() as session:
-            for sweep_id, state, count in session.execute(query):
-                states[str(sweep_id)][state] = count
-        return states
+            return states_of_sweeps(session, sweep_ids, without=self.index.gone)
 
     def stop_sweep(self, sweep_id: str, actor: str) -> SweepRow:
         """Stops every run of a sweep that is not over.

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
-from bpn_shared.config import ConfigError, RunConfig
 from bpn_shared.runs.creation import Workplace, configure
+from bpn_shared.spec.config import ConfigError, RunConfig
 
 MAX_RUNS = 1000
 

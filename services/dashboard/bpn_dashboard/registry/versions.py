@@ -1,14 +1,16 @@
 """Workers that are there and cannot be used, because they speak another protocol."""
 
 import logging
-from typing import NamedTuple
+from typing import NamedTuple, get_args
 
-from bpn_shared.messages.lease import LeaseRequest
-from bpn_shared.service import protocol_of
+from bpn_shared.messages.lease import LeaseRequest, Role
+from bpn_shared.messages.telemetry import Telemetry
+from bpn_shared.runtime.service import protocol_of
 from bpn_shared.version import PROTOCOL, VERSION
 
 log = logging.getLogger(__name__)
 
+_NO_VERSION = "a bpn that does not tell its version"
 FORGET_S = 120.0
 """After its last question: a refused worker asks every minute at least."""
 
@@ -24,8 +26,16 @@ class Refused(NamedTuple):
 
 def why_refused(asked: LeaseRequest) -> str | None:
     """What keeps a worker from being used here; None: nothing."""
-    version = f"bpn {asked.version}" if asked.version else "a bpn that does not tell its version"
+    version = f"bpn {asked.version}" if asked.version else _NO_VERSION
     return _sentence(asked.role, asked.worker, asked.protocol, version)
+
+
+def why_reported(report: Telemetry) -> str | None:
+    """The same of a worker that tells how it is."""
+    if report.kind not in get_args(Role):  # no worker: a dashboard
+        return None
+    version = f"bpn {report.version}" if report.version else _NO_VERSION
+    return _sentence(report.kind, report.worker, report.protocol, version)
 
 
 def why_foreign(role: str, worker: str) -> str | None:
@@ -50,11 +60,11 @@ class Refusals:
         self._refused: dict[str, Refused] = {}
         self._foreign: dict[str, Refused] = {}
 
-    def note(self, asked: LeaseRequest, reason: str, now_s: float) -> None:
-        """A worker asked and was refused."""
-        if asked.worker not in self._refused | self._foreign:
+    def note(self, role: str, worker: str, reason: str, now_s: float) -> None:
+        """A worker asked and was refused, or told how it is and cannot be used."""
+        if worker not in self._refused | self._foreign:
             log.warning("%s", reason)
-        self._refused[asked.worker] = Refused(asked.role, asked.worker, reason, now_s)
+        self._refused[worker] = Refused(role, worker, reason, now_s)
 
     def appeared(self, role: str, worker: str, now_s: float) -> None:
         """A worker's token came."""
@@ -67,7 +77,7 @@ class Refusals:
         self._foreign.pop(worker, None)
 
     def current(self, now_s: float) -> list[Refused]:
-        """Those that asked not long ago, and those whose token tells another protocol."""
+        """Those that asked or reported not long ago, and those whose token tells another protocol."""
         self._refused = {
             worker: refused
             for worker, refused in self._refused.items()

@@ -4,10 +4,10 @@ from collections.abc import Callable, Sequence
 
 from bpn_shared.bus.requests import NoReplyError
 from bpn_shared.bus.session import Bus
-from bpn_shared.config import ConfigError, RunConfig
 from bpn_shared.messages.base import MessageError
 from bpn_shared.messages.probe import ProbeReply, ProbeRequest
-from bpn_shared.probing import probe_by_worker
+from bpn_shared.runtime.probing import probe_by_worker
+from bpn_shared.spec.config import ConfigError, RunConfig
 
 
 class ConnectedWorkers:

@@ -4,25 +4,23 @@ How far a file was read is stored with what was read, in one transaction: whenev
 goes on at the same byte. A folder is the truth, so a file that was replaced or cut is read from the start.
 """
 
-import logging
 import math
 import os
 import threading
 import time
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from pathlib import Path
 
 from sqlalchemy import select
+from sqlalchemy.exc import OperationalError
 
 from bpn_dashboard.database.engine import Database
 from bpn_dashboard.database.series_tables import SourceRow
 from bpn_dashboard.database.tables import RunRow
 from bpn_dashboard.series import store
 from bpn_dashboard.series.lines import parse_lines
+from bpn_shared.counters import Counters
 from bpn_shared.runs.tail import Growth, Position, read_on
-from bpn_shared.service import Counters
-
-log = logging.getLogger(__name__)
 
 POLL_S = 0.25
 SCAN_S = 2.0
@@ -79,16 +77,34 @@ class Ingest:
             with self._lock:
                 for row in rows:
                     self._take_in(row.id)
-        except Exception:
-            log.exception("cannot take in metrics; following tries again")
+        except Exception as error:  # who follows tries again
+            self._counters.fault("metrics_not_taken_in", "taking in metrics", error)
+
+    def forget(self, run_ids: Collection[str]) -> None:
+        """Of runs that are gone: one that comes back is read from its start."""
+        with self._lock:
+            for run_id in run_ids:
+                self._active.pop(run_id, None)
+                if self._read.pop(run_id, None) is not None:
+                    self._forget(run_id)
+
+    def _forget(self, run_id: str) -> None:
+        """What was stored while the run was removed."""
+        try:
+            with self._database.writing() as session:
+                store.forget(session, run_id)
+        except OperationalError as error:  # a full disk; it goes with the run's row
+            self._counters.fault(
+                "curves_not_removed", f"removing the curves of run {run_id}", error
+            )
 
     def _follow(self) -> None:
         while not self._stop.is_set():
             try:
                 self.poll()
-            except Exception:
+            except Exception as error:
                 # A full disk or a locked database passes; a thread that ended would not come back.
-                log.exception("cannot take in metrics; trying again in %.0f s", _AGAIN_S)
+                self._counters.fault("metrics_not_taken_in", "taking in metrics", error)
                 self._stop.wait(_AGAIN_S)
             self._stop.wait(POLL_S)
 

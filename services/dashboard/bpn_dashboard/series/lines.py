@@ -7,6 +7,7 @@ from typing import Any
 import orjson
 
 from bpn_dashboard.series.points import Points
+from bpn_shared.runs.digests import DamagedError, check_line
 
 MAX_ITERATION = 2**53
 """Up to here float64 has every integer."""
@@ -44,7 +45,10 @@ def parse_lines(data: bytes) -> tuple[dict[str, Points], list[LineError]]:
 
 def _record(line: bytes) -> dict[str, Any]:
     try:
+        check_line(line)
         record = orjson.loads(line)
+    except DamagedError as error:
+        raise LineError(f"{line[:60]!r} is damaged: {error}") from error
     except orjson.JSONDecodeError as error:
         raise LineError(f"{line[:60]!r} is no JSON: {error}") from error
     iteration = record.get("iteration") if isinstance(record, dict) else None

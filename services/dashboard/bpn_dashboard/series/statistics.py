@@ -2,7 +2,7 @@
 
 Runs are aligned on the union of their x: between its first and its last point a run that has no value
 at an x keeps its newest; outside it is not counted. Runs of one seed are then averaged, since they are one
-sample however many they are (`bpn_shared.statistics`), and the result says how many seeds counted (`n`).
+sample however many they are (`bpn_shared.runs.statistics`), and the result says how many seeds counted (`n`).
 
 Mean, median and interquartile mean (IQM; Agarwal et al. 2021, section 4) are all weighted sums of the sorted
 values, and so is each of them in a bootstrap resample. So one matrix product does any of them for all x,
@@ -17,7 +17,7 @@ from typing import Literal
 import numpy as np
 
 from bpn_dashboard.series.downsample import Buckets, Floats
-from bpn_shared.statistics import iqm_weights, merge_seeds
+from bpn_shared.runs.statistics import iqm_weights, merge_seeds
 
 Statistic = Literal["mean", "median", "iqm"]
 Band = Literal["std", "sem", "ci95", "minmax"]

@@ -3,7 +3,7 @@
 from pkgutil import resolve_name
 
 from bpn_edge.kernel.protocol import Kernel
-from bpn_shared.config import ConfigError
+from bpn_shared.spec.config import ConfigError
 
 __all__ = ["Kernel", "load"]
 

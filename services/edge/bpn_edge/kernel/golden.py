@@ -4,7 +4,7 @@ from bpn_edge.kernel.protocol import binarized, checksum_of, not_loaded
 from bpn_shared.bnn import golden
 from bpn_shared.bnn.blob import Parameters, WeightBlob
 from bpn_shared.bnn.golden import Integers, Observation
-from bpn_shared.weights import Weights
+from bpn_shared.bnn.weights import Weights
 
 
 class GoldenKernel:

@@ -2,10 +2,11 @@
 
 from bpn_edge.kernel import _native
 from bpn_edge.kernel.protocol import binarized, not_loaded
-from bpn_shared.bnn.blob import BlobError, Parameters
+from bpn_shared.bnn.blob import Parameters
+from bpn_shared.bnn.envelope import BlobError
 from bpn_shared.bnn.golden import Integers, Observation
-from bpn_shared.bnn.spec import LAYERS
-from bpn_shared.weights import Weights
+from bpn_shared.bnn.weights import Weights
+from bpn_shared.spec.network import LAYERS
 
 
 def available_paths() -> tuple[str, ...]:

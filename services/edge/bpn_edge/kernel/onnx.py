@@ -6,10 +6,11 @@ import onnxruntime
 
 from bpn_edge.kernel.onnx_admission import admit
 from bpn_edge.kernel.protocol import OutputError, checksum_of, not_loaded
-from bpn_shared.bnn.blob import BlobError, Parameters
+from bpn_shared.bnn.blob import Parameters
+from bpn_shared.bnn.envelope import BlobError
+from bpn_shared.bnn.float_weights import FloatWeights
 from bpn_shared.bnn.golden import Observation, check_observation
-from bpn_shared.float_weights import FloatWeights
-from bpn_shared.weights import Weights
+from bpn_shared.bnn.weights import Weights
 
 _INPUT = "pixels"
 _FATAL_ONLY = 4

@@ -13,9 +13,9 @@ import numpy.typing as npt
 from google.protobuf.message import DecodeError
 from onnx import ModelProto, TensorProto
 
-from bpn_shared.bnn.blob import BlobError
-from bpn_shared.bnn.spec import NetworkSpec
-from bpn_shared.onnx_model import constant_shapes, onnx_model
+from bpn_shared.bnn.envelope import BlobError
+from bpn_shared.bnn.onnx_model import constant_shapes, onnx_model
+from bpn_shared.spec.network import NetworkSpec
 
 Floats = npt.NDArray[np.float32]
 

@@ -3,10 +3,11 @@
 import zlib
 from typing import Protocol
 
-from bpn_shared.bnn.blob import BlobError, Parameters, WeightBlob
+from bpn_shared.bnn.blob import Parameters, WeightBlob
+from bpn_shared.bnn.envelope import BlobError
 from bpn_shared.bnn.golden import Observation
-from bpn_shared.outputs import Outputs
-from bpn_shared.weights import Weights
+from bpn_shared.bnn.outputs import Outputs
+from bpn_shared.bnn.weights import Weights
 
 
 class Kernel(Protocol):

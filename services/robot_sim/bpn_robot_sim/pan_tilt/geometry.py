@@ -10,9 +10,9 @@ from math import asin, atan2, cos, degrees, hypot, radians, sin, tan
 import numpy as np
 import numpy.typing as npt
 
-from bpn_shared.bnn.spec import IMAGE_SIZE_PX
-from bpn_shared.framing import MIDDLE_PX
-from bpn_shared.tasks import TASKS
+from bpn_shared.spec.framing import MIDDLE_PX
+from bpn_shared.spec.network import IMAGE_SIZE_PX
+from bpn_shared.spec.tasks import TASKS
 
 Angles = tuple[float, float]
 """(Pan, tilt)."""

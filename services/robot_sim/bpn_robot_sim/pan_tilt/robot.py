@@ -4,17 +4,18 @@ from math import degrees, radians
 
 import numpy as np
 
+from bpn_robot.frame import Frame
+from bpn_robot.robot import Info, check_action
 from bpn_robot_sim.pan_tilt import backdrop, geometry, scene
 from bpn_robot_sim.pan_tilt.geometry import Angles
 from bpn_robot_sim.physics import Physics
-from bpn_robot_sim.rendering import Camera, Frame
-from bpn_robot_sim.robot import Info, check_action
-from bpn_shared.framing import BORDER_PX, in_frame, reward_px
-from bpn_shared.markers import PAN_TILT_MARKER
-from bpn_shared.tasks import TASKS, Task
+from bpn_robot_sim.scene_robot import SceneRobot
+from bpn_shared.spec.framing import BORDER_PX, in_frame, reward_px
+from bpn_shared.spec.markers import PAN_TILT_MARKER
+from bpn_shared.spec.tasks import TASKS
 
 
-class PanTiltRobot:
+class PanTiltRobot(SceneRobot):
     """A `Robot`: angles are commanded in whole degrees, which add up exactly, up to the unit's limits.
 
     The agent starts at zero angles. The seed draws the phase of the marker's figure-8, uniform where the
@@ -25,15 +26,11 @@ class PanTiltRobot:
     """
 
     def __init__(self) -> None:
-        self._physics = Physics(scene.mjcf(), {"backdrop": backdrop.pixels()})
-        model = self._physics.model
-        self._camera = Camera(model, "eye", self.task.frame_channels)
+        physics = Physics(scene.mjcf(), {"backdrop": backdrop.pixels()})
+        super().__init__(TASKS["pan_tilt"], physics, "eye")
+        model = physics.model
         self._camera_id, self._marker_id = model.camera("eye").id, model.body("marker").id
         self._start(phase_deg=0.0)
-
-    @property
-    def task(self) -> Task:
-        return TASKS["pan_tilt"]
 
     @property
     def terminated(self) -> bool:
@@ -44,14 +41,6 @@ class PanTiltRobot:
     def commanded_deg(self) -> Angles:
         """The goals of the agent's servos, (pan, tilt)."""
         return self._commanded_deg
-
-    @property
-    def truncated(self) -> bool:
-        return False
-
-    @property
-    def success(self) -> None:
-        return None
 
     def reset(self, seed: int) -> Frame:
         """The agent at rest in the middle, the marker where the seed puts it; see `Robot.reset`."""
@@ -72,9 +61,6 @@ class PanTiltRobot:
     def advance(self, seconds: float) -> None:
         self._physics.advance(seconds, self._drive_target)
 
-    def frame(self) -> Frame:
-        return self._camera.render(self._physics.data)
-
     def reward(self) -> float:
         """Minus the distance of the marker's and the frame's centres in pixels; see `framing`."""
         return reward_px(*self._marker_px())
@@ -94,9 +80,6 @@ class PanTiltRobot:
         aim_deg = geometry.aim_deg(geometry.marker_m(geometry.target_deg(next_deg)))
         goals_deg = np.array([self._goal_after(action) for action in range(self.task.actions)])
         return int(np.argmin(np.linalg.norm(goals_deg - aim_deg, axis=1)))
-
-    def close(self) -> None:
-        self._camera.close()
 
     def _start(self, phase_deg: float) -> None:
         self._start_phase_deg = phase_deg

@@ -4,7 +4,7 @@ from importlib import resources
 from string import Template
 
 from bpn_robot_sim.pan_tilt import backdrop, geometry
-from bpn_shared import markers
+from bpn_shared.spec import markers
 
 ARMATURE_KGM2 = 0.01
 """Of a geared servo like the paper's Dynamixel XM430-W350, reflected to the joint (its gear is 353:1)."""

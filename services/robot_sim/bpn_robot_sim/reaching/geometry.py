@@ -6,8 +6,8 @@ is in metres with the arm's base in the origin, x to the right, y up; one pixel 
 
 from math import cos, radians, sin
 
-from bpn_shared.bnn.spec import IMAGE_SIZE_PX
-from bpn_shared.markers import REACHING_TARGET_RADIUS_PX
+from bpn_shared.spec.markers import REACHING_TARGET_RADIUS_PX
+from bpn_shared.spec.network import IMAGE_SIZE_PX
 
 PX_PER_M = 100.0
 BASE_PX = ((IMAGE_SIZE_PX - 1) / 2, (IMAGE_SIZE_PX - 1) / 2)

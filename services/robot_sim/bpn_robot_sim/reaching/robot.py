@@ -2,11 +2,12 @@
 
 from math import degrees, dist, radians
 
+from bpn_robot.frame import Frame
+from bpn_robot.robot import Info, check_action
 from bpn_robot_sim.physics import Physics
 from bpn_robot_sim.reaching import geometry, scene
-from bpn_robot_sim.rendering import Camera, Frame
-from bpn_robot_sim.robot import Info, check_action
-from bpn_shared.tasks import TASKS, Task
+from bpn_robot_sim.scene_robot import SceneRobot
+from bpn_shared.spec.tasks import TASKS
 
 SETTLED_DEG = 0.05
 SETTLED_DEG_PER_S = 1.0
@@ -15,7 +16,7 @@ _SETTLED_RAD_PER_S = radians(SETTLED_DEG_PER_S)
 _CHECK_EVERY_STEPS = 4
 
 
-class ReachingRobot:
+class ReachingRobot(SceneRobot):
     """A `Robot`: joint angles are commanded in whole degrees, which add up exactly.
 
     Start and target are fixed (the paper, section V-A-1), so the seed changes nothing and no state ends
@@ -26,15 +27,10 @@ class ReachingRobot:
     """
 
     def __init__(self) -> None:
-        self._physics = Physics(scene.mjcf())
-        self._camera = Camera(self._physics.model, "top", self.task.frame_channels)
+        super().__init__(TASKS["reaching"], Physics(scene.mjcf()), "top")
         self._hand_id = self._physics.model.body("hand").id
         self._commanded_deg = geometry.START_DEG
         self._start()
-
-    @property
-    def task(self) -> Task:
-        return TASKS["reaching"]
 
     @property
     def terminated(self) -> bool:
@@ -44,14 +40,6 @@ class ReachingRobot:
     def commanded_deg(self) -> tuple[int, int]:
         """The servos' goals."""
         return self._commanded_deg
-
-    @property
-    def truncated(self) -> bool:
-        return False
-
-    @property
-    def success(self) -> None:
-        return None
 
     def reset(self, seed: int) -> Frame:
         """The start pose, at rest; see `Robot.reset`."""
@@ -71,9 +59,6 @@ class ReachingRobot:
     def advance(self, seconds: float) -> None:
         self._physics.advance(seconds)
 
-    def frame(self) -> Frame:
-        return self._camera.render(self._physics.data)
-
     def reward(self) -> float:
         """Minus the distance of hand and target in pixels."""
         return -dist(self._hand_px(), geometry.TARGET_PX)
@@ -86,9 +71,6 @@ class ReachingRobot:
             "target_px": geometry.TARGET_PX,
             "joint_deg": (degrees(q1), degrees(q2)),
         }
-
-    def close(self) -> None:
-        self._camera.close()
 
     def _start(self) -> None:
         self._physics.reset()

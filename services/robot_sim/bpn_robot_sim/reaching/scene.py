@@ -4,8 +4,8 @@ from importlib import resources
 from string import Template
 
 from bpn_robot_sim.reaching import geometry
-from bpn_shared import markers
-from bpn_shared.bnn.spec import IMAGE_SIZE_PX
+from bpn_shared.spec import markers
+from bpn_shared.spec.network import IMAGE_SIZE_PX
 
 ARMATURE_KGM2 = 0.05
 """Of a geared servo, reflected to the joint; far above the links' own inertia, so the joints hardly

@@ -8,9 +8,9 @@ from math import cos, radians, sin
 
 import numpy as np
 
-from bpn_shared.bnn.spec import IMAGE_SIZE_PX
-from bpn_shared.framing import MIDDLE_PX
-from bpn_shared.tasks import TASKS
+from bpn_shared.spec.framing import MIDDLE_PX
+from bpn_shared.spec.network import IMAGE_SIZE_PX
+from bpn_shared.spec.tasks import TASKS
 
 PX_PER_M = 100.0
 WORLD_WIDTH_PX, WORLD_HEIGHT_PX = 180, 120

@@ -13,7 +13,7 @@ import numpy as np
 
 from bpn_robot_sim import EPISODE_STEPS
 from bpn_robot_sim.tracking import geometry
-from bpn_shared.framing import in_frame, reward_px
+from bpn_shared.spec.framing import in_frame, reward_px
 
 _STEPS = EPISODE_STEPS["tracking"]
 _NEVER = float("-inf")

@@ -2,15 +2,16 @@
 
 import numpy as np
 
+from bpn_robot.frame import Frame
+from bpn_robot.robot import Info, check_action
 from bpn_robot_sim.physics import Physics
-from bpn_robot_sim.rendering import Camera, Frame
-from bpn_robot_sim.robot import Info, check_action
+from bpn_robot_sim.scene_robot import SceneRobot
 from bpn_robot_sim.tracking import geometry, scene
-from bpn_shared.framing import in_frame, reward_px
-from bpn_shared.tasks import TASKS, Task
+from bpn_shared.spec.framing import in_frame, reward_px
+from bpn_shared.spec.tasks import TASKS
 
 
-class TrackingRobot:
+class TrackingRobot(SceneRobot):
     """A `Robot`: commands add up exactly, as far as the window stays in the world.
 
     The seed draws the target's phase (uniform) and the window's place (uniform where the whole target is
@@ -21,13 +22,8 @@ class TrackingRobot:
     """
 
     def __init__(self) -> None:
-        self._physics = Physics(scene.mjcf())
-        self._camera = Camera(self._physics.model, "window", self.task.frame_channels)
+        super().__init__(TASKS["tracking"], Physics(scene.mjcf()), "window")
         self._start(phase_deg=0.0, window_px=geometry.ARC_CENTRE_PX[0])
-
-    @property
-    def task(self) -> Task:
-        return TASKS["tracking"]
 
     @property
     def terminated(self) -> bool:
@@ -38,14 +34,6 @@ class TrackingRobot:
     def commanded_px(self) -> float:
         """The servo's goal, the window's centre in x."""
         return self._commanded_px
-
-    @property
-    def truncated(self) -> bool:
-        return False
-
-    @property
-    def success(self) -> None:
-        return None
 
     def reset(self, seed: int) -> Frame:
         """Target and window where the seed puts them, the window at rest; see `Robot.reset`."""
@@ -64,9 +52,6 @@ class TrackingRobot:
         self._physics.advance(seconds)
         self._place_target()
 
-    def frame(self) -> Frame:
-        return self._camera.render(self._physics.data)
-
     def reward(self) -> float:
         """Minus the distance of the target's and the frame's centres in pixels; see `framing`."""
         return reward_px(*self._target_px())
@@ -84,9 +69,6 @@ class TrackingRobot:
         x_px, _ = geometry.target_world_px(self._phase_deg() + geometry.DEG_PER_STEP)
         misses_px = [abs(self._goal_after(action) - x_px) for action in range(self.task.actions)]
         return int(np.argmin(misses_px))
-
-    def close(self) -> None:
-        self._camera.close()
 
     def _start(self, phase_deg: float, window_px: float) -> None:
         self._start_phase_deg = phase_deg

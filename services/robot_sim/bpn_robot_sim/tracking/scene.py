@@ -4,8 +4,8 @@ from importlib import resources
 from string import Template
 
 from bpn_robot_sim.tracking import geometry
-from bpn_shared import markers
-from bpn_shared.bnn.spec import IMAGE_SIZE_PX
+from bpn_shared.spec import markers
+from bpn_shared.spec.network import IMAGE_SIZE_PX
 
 MASS_KG = 1.0
 NATURAL_FREQUENCY_PER_S = 80.0

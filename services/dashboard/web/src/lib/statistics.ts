@@ -31,7 +31,7 @@ export interface Spread {
 }
 
 /**
- * Mean and spread over seeds, as `bpn_shared/statistics.py` defines them: runs of one seed are one sample however
+ * Mean and spread over seeds, as `bpn_shared/runs/statistics.py` defines them: runs of one seed are one sample however
  * often they were made, so they are averaged first.
  */
 export function overSeeds(samples: readonly { seed: number; value: number }[]): Spread {

@@ -95,6 +95,15 @@ export class ApiClient {
       this.get<t.ConfigDiff>(`/runs/${id}/config-diff`, { other }, signal),
   };
 
+  trash = {
+    contents: (signal?: AbortSignal) =>
+      this.get<{ items: t.RemovedRun[] }>('/trash', undefined, signal),
+    /** For good. */
+    delete: (id: string) => this.json<void>('DELETE', `/trash/${id}`),
+    /** For good. */
+    empty: () => this.json<{ items: t.BulkResult[] }>('DELETE', '/trash'),
+  };
+
   sweeps = {
     page: (query: { cursor?: string; limit?: number }, signal?: AbortSignal) =>
       this.get<t.SweepPage>('/sweeps', query, signal),

@@ -18,6 +18,7 @@ export type RunState = Run['state'];
 export type RunPage = Omit<Schemas['RunPage'], 'items'> & { items: Run[] };
 export type BulkAction = Schemas['BulkAction']['action'];
 export type BulkResult = Schemas['BulkResult'];
+export type RemovedRun = Schemas['RemovedRun'];
 export type MetricNames = Schemas['MetricNames'];
 export type ConfigDiff = Schemas['ConfigDiff'];
 

@@ -35,8 +35,9 @@ export interface MetricPoints {
   points: MetricPoint[];
 }
 
-/** A run has changed; the rest of its row comes by REST. */
+/** A run has changed, and the rest of its row comes by REST; or it is not there any more. */
 export interface RunChange {
   id: string;
-  rev: number;
+  rev?: number;
+  removed?: boolean;
 }

@@ -58,7 +58,10 @@ export class RunWatcher {
       this.take(await this.api.runs.get(this.id, signal));
       this.#problem.set(null);
     } catch (error) {
-      if (!signal.aborted) this.#problem.set(asProblem(error));
+      if (signal.aborted) return;
+      const problem = asProblem(error);
+      if (problem.status === 404) this.#run.set(null); // removed; what was shown is no more
+      this.#problem.set(problem);
     }
   }
 }

@@ -13,12 +13,16 @@ const DONE: Record<BulkAction, string> = {
   resume: 'queued again',
   archive: 'archived',
   unarchive: 'back from the archive',
+  remove: 'moved to the trash',
+  restore: 'back from the trash',
 };
 const UNDO: Record<BulkAction, BulkAction> = {
   stop: 'resume',
   resume: 'stop',
   archive: 'unarchive',
   unarchive: 'archive',
+  remove: 'restore',
+  restore: 'remove',
 };
 
 export class RunActions {

@@ -2,6 +2,7 @@
 
 import { asProblem, type Problem } from '../api/problem';
 import type { Run, RunPage, RunQuery } from '../api/types';
+import type { RunChange } from '../live/topics';
 import { Value, type Observable } from '../observable';
 
 export const PAGE_SIZE = 200;
@@ -60,7 +61,12 @@ export class RunList {
   }
 
   /** Puts a changed run in place. It keeps its row, so that nothing moves under the pointer. */
-  apply(change: Partial<Run> & Pick<Run, 'id'>): void {
+  apply(change: Partial<Run> & RunChange): void {
+    if (change.removed) {
+      this.#unknown.delete(change.id);
+      this.remove(new Set([change.id]));
+      return;
+    }
     const state = this.#state.value;
     const at = this.#index.get(change.id);
     if (at === undefined) {
@@ -74,11 +80,14 @@ export class RunList {
     this.#set({ rows: state.rows.with(at, { ...before, ...change }) });
   }
 
-  /** Takes runs out of the list that no longer belong to it, such as archived ones. */
+  /** Takes runs out of the list that no longer belong to it, such as archived or removed ones. */
   remove(ids: ReadonlySet<string>): void {
     const { rows, total } = this.#state.value;
     const kept = rows.filter((run) => !ids.has(run.id));
-    this.#put(kept, { total: total === null ? null : total - (rows.length - kept.length) });
+    this.#put(kept, {
+      total: total === null ? null : total - (rows.length - kept.length),
+      newer: this.#unknown.size,
+    });
   }
 
   stop(): void {

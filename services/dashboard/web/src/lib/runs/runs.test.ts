@@ -60,6 +60,19 @@ function server(total: number) {
 
 const settled = (list: RunList) => vi.waitFor(() => expect(list.state.value.loading).toBe(false));
 
+test('a run that was removed leaves the list, and one that was not in it changes nothing', async () => {
+  const { fetch } = server(5);
+  const list = new RunList(fetch);
+  list.show({});
+  await vi.waitFor(() => expect(list.state.value.total).toBe(5));
+  list.apply({ id: 'new', rev: 1 });
+  expect(list.state.value.newer).toBe(1);
+  list.apply({ id: 'run-3', removed: true });
+  list.apply({ id: 'new', removed: true });
+  expect(list.state.value.rows.map((run) => run.id)).toEqual(['run-0', 'run-1', 'run-2', 'run-4']);
+  expect(list.state.value).toMatchObject({ total: 4, newer: 0 });
+});
+
 test('a list reads as far as somebody looks, and all of it when it must', async () => {
   const { fetch, queries } = server(1050);
   const list = new RunList(fetch);

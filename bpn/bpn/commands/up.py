@@ -1,0 +1,146 @@
+"""`bpn up`: the dashboard, and workers that do what is started there."""
+
+import argparse
+import socket
+import sys
+import threading
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+from bpn.certified import check
+from bpn.dashboard import Dashboard, DashboardAwayError
+from bpn.local_run import RunFailedError, private_endpoint
+from bpn.options import add_runs_dir
+from bpn.outputs import check_runs_dir
+from bpn.pool import PoolSize, services_of_pool
+from bpn.supervisor import Supervisor
+from bpn.terminal import command
+from bpn_shared.bus.access import ROUTER
+from bpn_shared.bus.router import configure
+from bpn_shared.errors import InputError
+from bpn_shared.runtime.service import stop_on_signals
+
+DEFAULT_TASK = "reaching"
+_MAX_PORT = 65535
+_CHECK_S = 0.05
+_LOOK_S = 0.5
+
+
+def add_options(parser: argparse.ArgumentParser, _arguments: Sequence[str]) -> None:
+    for name, default in (("learners", "1"), ("robots", "as learners"), ("edges", "as robots")):
+        parser.add_argument(
+            f"--{name}", type=int, metavar="N", help=f"how many {name} (default {default})"
+        )
+    parser.add_argument("--port", type=int, default=8000, help="0: any free one (%(default)s)")
+    parser.add_argument(
+        "--listen", metavar="ENDPOINT",
+        help="the router's endpoint, for workers elsewhere (default: a private Unix socket)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--certificates", type=Path, metavar="FOLDER",
+        help="what `bpn-certificates` made there, for a router that other machines reach: "
+        "--listen tls/0.0.0.0:7447",
+    )  # fmt: skip
+    add_runs_dir(parser)
+    parser.set_defaults(run=run)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Runs until it is interrupted: exit status 130, and runs that go on at the next `bpn up`.
+
+    Raises:
+        InputError: an option is wrong, or a dashboard runs there already.
+        RunFailedError: router or dashboard failed for good.
+    """
+    running = Dashboard.find(options.runs_dir)
+    if running is not None:
+        raise InputError(
+            f"the runs in {options.runs_dir} have a dashboard already, at {running.url}: "
+            "stop it or choose another --runs-dir"
+        )
+    size, port = _size(options), _port(options.port)
+    certificates = options.certificates and options.certificates / ROUTER
+    if options.listen is not None:
+        configure(options.listen, certificates=certificates)  # what the router would refuse
+    if options.certificates is not None:
+        if options.listen is None:
+            raise InputError("--certificates is for a router that others reach: add --listen")
+        check(options.certificates, options.listen)
+    check_runs_dir(options.runs_dir)
+    logs = options.runs_dir / ".logs"
+    services = services_of_pool(
+        size,
+        options.runs_dir,
+        options.listen or private_endpoint(),
+        ["--port", str(port)],
+        certificates=options.certificates,
+    )
+    supervisor = Supervisor(services, logs)
+    stop = stop_on_signals()
+    try:
+        supervisor.start()
+        _supervise(supervisor, options.runs_dir, stop)
+    finally:
+        supervisor.stop()
+    if supervisor.failure:
+        wrong_input = supervisor.failed is not None and supervisor.failed.wrong_input
+        raise (InputError if wrong_input else RunFailedError)(supervisor.failure)
+    again = command("bpn", "up", "--runs-dir", options.runs_dir)
+    print(f"stopped; runs that were not finished go on with: {again}", file=sys.stderr)
+    return 130
+
+
+def _port(wanted: int) -> int:
+    """The port, if nobody listens there; for 0 a free one.
+
+    It stays the same when the dashboard is restarted: pages that are open find it again.
+
+    Raises:
+        InputError: it is no port, or is taken.
+    """
+    if not 0 <= wanted <= _MAX_PORT:
+        raise InputError(f"--port = {wanted} must be 0 to {_MAX_PORT}; 0 takes any free one")
+    with socket.socket() as probe:
+        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)  # as the dashboard does
+        try:
+            probe.bind(("127.0.0.1", wanted))
+            probe.listen()
+        except OSError as error:
+            raise InputError(
+                f"--port = {wanted}: {error.strerror}; choose another, or 0 for any free one"
+            ) from error
+        port: int = probe.getsockname()[1]
+        return port
+
+
+def _size(options: argparse.Namespace) -> PoolSize:
+    learners = 1 if options.learners is None else options.learners
+    robots = max(1, learners) if options.robots is None else options.robots
+    edges = robots if options.edges is None else options.edges
+    for name, count in (("learners", learners), ("robots", robots), ("edges", edges)):
+        if not 0 <= count <= 64:
+            raise InputError(f"--{name} = {count} must be 0 to 64")
+    return PoolSize(robots, edges, learners)
+
+
+def _supervise(supervisor: Supervisor, runs_dir: Path, stop: threading.Event) -> None:
+    """Keeps the services running; once the dashboard answers, gives it a first run."""
+    look_at_s: float | None = time.monotonic()
+    while not (supervisor.failure or stop.wait(_CHECK_S)):
+        supervisor.check()
+        if look_at_s is not None and time.monotonic() >= look_at_s:
+            look_at_s = None if _has_first_run(runs_dir) else time.monotonic() + _LOOK_S
+
+
+def _has_first_run(runs_dir: Path) -> bool:
+    """Whether there is a run, now at the latest; False while the dashboard does not answer."""
+    dashboard = Dashboard.find(runs_dir)
+    if dashboard is None:
+        return False
+    try:
+        if dashboard.run_count() == 0:
+            dashboard.create_run({"task": DEFAULT_TASK}, name="first run")
+    except DashboardAwayError:
+        return False
+    return True

@@ -1,0 +1,135 @@
+"""What the robot's side does with a policy: observations, the network's outputs, the choice of an action."""
+
+import io
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+import onnx
+import torch
+from onnx import numpy_helper
+from torch import Tensor
+from torch.nn import functional
+
+from bpn_shared.bnn.blob import WeightBlob
+from bpn_shared.bnn.float_weights import FloatWeights
+from bpn_shared.bnn.weights import Weights
+
+STRIDES = (4, 2, 1, 1, 1)
+KERNELS = (8, 4, 3, 7, 1)
+_PART = 256
+_ROUNDING = 1e-9
+
+
+def observations(frames: Tensor, stacked: int) -> Tensor:
+    """Every s_t of an episode: uint8[T+1, c, 84, 84] to uint8[T+1, stacked * c, 84, 84], oldest frame first.
+
+    At an episode's start the first frame stands in for those before it.
+    """
+    shifted = [
+        torch.cat([frames[:1].expand(back, -1, -1, -1), frames[: len(frames) - back]])
+        for back in reversed(range(min(stacked, len(frames))))
+    ]
+    missing = [frames[:1].expand_as(frames)] * (stacked - len(shifted))
+    return torch.cat([*missing, *shifted], dim=1)
+
+
+def as_kernels(rows: Tensor, layer: int) -> Tensor:
+    """Weights [out, (row, column, channel)] as torch's [out, channel, row, column]."""
+    size = KERNELS[layer]
+    return rows.view(len(rows), size, size, -1).permute(0, 3, 1, 2)
+
+
+@dataclass(frozen=True, eq=False)
+class Policy:
+    """A version of the weights, unpacked.
+
+    Attributes:
+        rows: per layer [out, fan_in], float32; of a binarized network -1 and 1.
+        thresholds: of layers 1-4, int32[out]; none of a float network.
+        biases: of layers 1-5, float32[out]; none of a binarized one.
+        scale: lambda; 1 of a float network.
+    """
+
+    rows: tuple[Tensor, ...]
+    thresholds: tuple[Tensor, ...]
+    biases: tuple[Tensor, ...]
+    scale: float
+
+    @property
+    def binary(self) -> bool:
+        return not self.biases
+
+    @torch.no_grad()
+    def layers(self, seen: Tensor) -> list[Tensor]:
+        """What each layer sums up: float32[n, out, h, w], of a binarized network integers.
+
+        Args:
+            seen: uint8[n, C, 84, 84].
+        """
+        sums: list[Tensor] = []
+        x = seen.float()
+        for layer, rows in enumerate(self.rows):
+            bias = None if self.binary else self.biases[layer]
+            s = functional.conv2d(x, as_kernels(rows, layer), bias, stride=STRIDES[layer])
+            sums.append(s.round() if self.binary else s)
+            if self.binary and layer < 4:
+                x = torch.where(sums[-1] >= self.thresholds[layer][:, None, None], 1.0, -1.0)
+            else:
+                x = s.relu()
+        return sums
+
+    def outputs(self, seen: Tensor) -> Tensor:
+        """O of a binarized network, P of a float one: float32[n, |A|]."""
+        parts = [self.layers(part)[-1].flatten(1) for part in torch.split(seen, _PART)]
+        return torch.cat(parts)
+
+    def preferences(self, seen: Tensor) -> Tensor:
+        """P, float32[n, |A|]."""
+        return torch.tensor(self.scale, dtype=torch.float32) * self.outputs(seen)
+
+
+def unpacked(weights: Weights) -> Policy:
+    """A blob's or a float policy's parts."""
+    if isinstance(weights, WeightBlob):
+        rows = tuple(torch.from_numpy(signs).float() for signs in weights.weights)
+        thresholds = tuple(torch.from_numpy(tau) for tau in weights.thresholds)
+        return Policy(rows, thresholds, (), weights.scale)
+    return _of_model(weights)
+
+
+def _of_model(weights: FloatWeights) -> Policy:
+    graph = onnx.load(io.BytesIO(weights.model)).graph
+    constants = {
+        c.name: torch.from_numpy(numpy_helper.to_array(c).copy()) for c in graph.initializer
+    }
+    layers = [node for node in graph.node if node.op_type in ("Conv", "Gemm")]
+    rows = []
+    for layer, node in enumerate(layers):
+        kernels = constants[node.input[1]]
+        if node.op_type == "Gemm":  # of a flattened [channel, row, column]
+            kernels = kernels.view(len(kernels), -1, KERNELS[layer], KERNELS[layer])
+        rows.append(kernels.permute(0, 2, 3, 1).flatten(1))
+    biases = tuple(constants[node.input[2]] for node in layers)
+    return Policy(tuple(rows), (), biases, 1.0)
+
+
+def softmax_choice(P: npt.NDArray[np.float64], beta: float, uniform: float) -> set[int]:
+    """Actions that exp(beta P) / sum and a uniform number may mean: one, or more where rounding decides."""
+    weights = np.exp(beta * (P - P.max()))
+    shares = np.cumsum(weights) / weights.sum()
+    first, last = (min(int((shares <= u).sum()), len(P) - 1) for u in _around(uniform))
+    return set(range(first, last + 1))
+
+
+def greedy_choice(P: npt.NDArray[np.float64], epsilon: float, uniform: float) -> set[int]:
+    """With probability epsilon any action, else the first of the best, from one uniform number."""
+    return {
+        min(int(u / epsilon * len(P)), len(P) - 1) if u < epsilon else int(np.argmax(P))
+        for u in _around(uniform)
+    }
+
+
+def _around(uniform: float) -> tuple[float, float]:
+    """The numbers that rounding does not tell from this one."""
+    return max(0.0, uniform - _ROUNDING), uniform + _ROUNDING

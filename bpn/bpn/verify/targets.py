@@ -1,0 +1,93 @@
+"""The data D of an update, and the targets y that its minibatches are fitted to, in float32."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from bpn.verify.play import Policy
+from bpn_shared.spec.config import RunConfig
+
+
+@dataclass(frozen=True, eq=False)
+class Played:
+    """An episode as data.
+
+    Attributes:
+        seen: s_0..s_T, uint8[T+1, C, 84, 84].
+        actions: int64[T].
+        rewards: float64[T], unscaled.
+        terminal: the last observation is the task's end, not a time limit.
+        misses: control periods without an action in time.
+    """
+
+    seen: Tensor
+    actions: Tensor
+    rewards: Tensor
+    terminal: bool
+    misses: int = 0
+
+
+@dataclass(frozen=True, eq=False)
+class Targets:
+    """What one update fits.
+
+    Attributes:
+        seen: s of every transition of D in order, uint8[n, 84, 84, C].
+        actions: int64[n].
+        y: float32[n].
+        offset: c, what all preferences lack that are fitted to y (relative targets).
+        max_preference: largest |P-(s, .)|.
+    """
+
+    seen: Tensor
+    actions: Tensor
+    y: Tensor
+    offset: float
+    max_preference: float
+
+
+def targets(config: RunConfig, D: Sequence[Played], policy: Policy, offset: float) -> Targets:
+    """Of all of D under the policy that the update begins with.
+
+    CVI: y = r + gamma m(s') + alpha (P(s, a) - m(s)) with mellowmax m; DQN: y = r + gamma max_a P(s', a).
+    With `mask_terminals` what follows a terminal state is worth 0, which is -c beside preferences that lack c.
+
+    Args:
+        offset: c of the policy's preferences.
+    """
+    P_of = [policy.preferences(episode.seen) for episode in D]
+    P, P_next = torch.cat([p[:-1] for p in P_of]), torch.cat([p[1:] for p in P_of])
+    actions = torch.cat([episode.actions for episode in D])
+    reward = torch.cat([(config.reward_scale * episode.rewards).float() for episode in D])
+    ends = torch.cat([_ends(episode) for episode in D])
+    is_cvi = config.algorithm_spec.update == "cvi"
+
+    following = mellowmax(P_next, config.beta) if is_cvi else P_next.amax(dim=1)
+    if config.mask_terminals:
+        following = torch.where(ends, torch.tensor(-offset, dtype=torch.float32), following)
+    y = reward + config.gamma * following
+    if is_cvi:
+        taken = P[torch.arange(len(P)), actions]
+        y = y + config.alpha * (taken - mellowmax(P, config.beta))
+    next_offset = 0.0
+    if config.relative_targets:
+        next_offset = config.gamma * offset + float(y.mean())
+        y = y - y.mean()
+    seen = torch.cat([episode.seen[:-1] for episode in D]).permute(0, 2, 3, 1).contiguous()
+    return Targets(seen, actions, y, next_offset, float(P.abs().max()))
+
+
+def mellowmax(P: Tensor, beta: float) -> Tensor:
+    """1/beta log mean_a exp(beta P(., a)), from the largest P on, so that nothing overflows."""
+    largest = P.amax(dim=1)
+    shares = torch.expm1(beta * (P - largest[:, None])).mean(dim=1)
+    return largest + torch.log1p(shares) / beta
+
+
+def _ends(episode: Played) -> Tensor:
+    """bool[T]: whether s' of a step is terminal."""
+    ends = torch.zeros(len(episode.actions), dtype=torch.bool)
+    ends[-1] = episode.terminal
+    return ends

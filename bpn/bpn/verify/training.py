@@ -1,0 +1,118 @@
+"""One policy update, done again: shuffles, minibatches, gradients, learning rates."""
+
+import copy
+import math
+from collections.abc import Callable
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from bpn.verify.targets import Targets
+from bpn.verify.trainee import Trainee
+from bpn_learner import _native
+from bpn_shared.spec.config import RunConfig
+
+Gradients = Callable[[Tensor], float]
+"""Sets every parameter's `grad` from the transitions int64[B] of a minibatch, and returns their loss."""
+
+
+def learning_rate_factors(config: RunConfig, iteration: int) -> list[float]:
+    """Of the learning rate, for every epoch: a line over the run, a cosine over each update."""
+    line = 1 + iteration / max(1, config.iterations - 1) * (config.learning_rate_last - 1)
+    final, last = config.learning_rate_final, max(1, config.epochs - 1)
+    cosines = [
+        final + (1 - final) * (1 + math.cos(math.pi * (epoch / last))) / 2
+        for epoch in range(config.epochs)
+    ]
+    return [line * cosine for cosine in cosines]
+
+
+def minibatches(size: int, batch: int) -> int:
+    """In an epoch: size / batch, rounded, halves down, at least one. What is left over sits the epoch out."""
+    return max(1, math.ceil(size / batch - 0.5))
+
+
+def autograd(trainee: Trainee, data: Targets) -> Gradients:
+    """By torch's autograd: of 1/2 mean (y - P(s, a))^2."""
+
+    def gradients(rows: Tensor) -> float:
+        P = trainee.forward(data.seen[rows])
+        taken = P.gather(1, data.actions[rows, None]).squeeze(1)
+        loss = (data.y[rows] - taken).square().sum() / (2 * len(rows))
+        trainee.adam.zero_grad()
+        loss.backward()  # type: ignore[no-untyped-call]
+        return float(loss.detach())
+
+    return gradients
+
+
+def compiled(trainee: Trainee, data: Targets) -> Gradients:
+    """By the learner's C++ kernel, whose rounding nothing else has; `gap` compares it with autograd."""
+    spec, path = trainee.spec, _native.available_paths()[0]
+    slopes = [torch.zeros_like(p) for p in trainee.parameters]
+    for parameter, slope in zip(trainee.parameters, slopes, strict=True):
+        parameter.grad = slope
+    # the kernel reads parameters and writes gradients in place
+    values, written = ([v.detach().numpy() for v in of] for of in (trainee.parameters, slopes))
+    seen, taken, y = data.seen.numpy(), data.actions.numpy(), data.y.numpy()
+    if not trainee.binary:
+        of_floats = _native.FloatKernel(path, spec.channels, spec.nodes, spec.actions)
+        return lambda rows: of_floats.gradients(
+            seen, rows.numpy(), taken, y, values[0], values[1], written[0], written[1], len(rows)
+        )
+    kernel = _native.Kernel(path, spec.channels, spec.nodes, spec.actions)
+
+    def gradients(rows: Tensor) -> float:
+        loss, slope = kernel.gradients(
+            seen, rows.numpy(), taken, y, values[0], values[1], values[2], trainee.log_scale.item(),
+            written[0], written[1], written[2], len(rows), None,
+        )  # fmt: skip
+        slopes[3].fill_(slope)
+        return loss
+
+    return gradients
+
+
+def gap(trainee: Trainee, data: Targets, rows: Tensor) -> float:
+    """How far the kernel's gradients of a minibatch are from autograd's in float64, relative to their norm."""
+    exact, single = copy.deepcopy(trainee).double(), copy.deepcopy(trainee)
+    autograd(exact, data)(rows)
+    compiled(single, data)(rows)
+    found, expected = (
+        torch.cat([p.grad.flatten().double() for p in t.parameters if p.grad is not None])
+        for t in (single, exact)
+    )
+    return float((found - expected).norm() / expected.norm().clamp_min(1e-12))
+
+
+def train(
+    trainee: Trainee,
+    data: Targets,
+    gradients: Gradients,
+    *,
+    factors: list[float],
+    batch: int,
+    shuffles: np.random.Generator,
+    on_epoch: Callable[[], None] = lambda: None,
+    turned: int = 0,
+) -> list[float]:
+    """The epochs of one update.
+
+    Args:
+        factors: of the learning rate, one for each epoch.
+        turned: by how many places every minibatch is turned: the same sums in another order, rounded otherwise.
+
+    Returns:
+        The mean loss of every epoch.
+    """
+    losses = []
+    for factor in factors:
+        order = torch.from_numpy(shuffles.permutation(len(data.y)))
+        count, total = minibatches(len(data.y), batch), torch.zeros(())
+        for k in range(count):
+            total += gradients(order[batch * k : batch * (k + 1)].roll(turned))
+            trainee.step(factor)
+        losses.append(float(total) / count)
+        on_epoch()
+    return losses

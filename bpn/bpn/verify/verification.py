@@ -1,0 +1,267 @@
+"""Goes through a run iteration by iteration and compares all that follows from configuration, seed and frames."""
+
+import copy
+from collections.abc import Callable
+
+import torch
+
+from bpn.verify import draws, explanations, recorded, records, rounding
+from bpn.verify.findings import Findings
+from bpn.verify.play import Policy, unpacked
+from bpn.verify.targets import Played, Targets
+from bpn.verify.trainee import Trainee, released
+from bpn.verify.training import gap, learning_rate_factors, minibatches, train
+from bpn.verify.update import Update
+from bpn.verify.weights import described, digest, distance, same_bits
+from bpn_shared.bnn.envelope import BlobError
+from bpn_shared.bnn.weights import Weights
+from bpn_shared.runs.folder import RunFolder
+from bpn_shared.spec.config import ConfigError, RunConfig
+
+OnEpoch = Callable[[int, int], None]
+"""Told (epochs trained again, epochs of the run)."""
+
+TARGET_TOLERANCE = {"binary": 1e-6, "float": 1e-4}
+LOSS_TOLERANCE = {"binary": 1e-6, "float": 1e-3}
+WEIGHTS_TOLERANCE = 1e-3
+"""Of a float network's version, relative to the weights' norm: rounding, which such networks hardly amplify."""
+GRADIENT_TOLERANCE = 1e-3
+"""Relative to the norm. Most minibatches are at 1e-6; one in which rounding decides a sign is not."""
+
+
+class Verification:
+    """Of one run.
+
+    Args:
+        elsewhere: the run was made on another kind of processor or with another torch than is here, so that
+            rounding may differ.
+    """
+
+    def __init__(
+        self, folder: RunFolder, *, elsewhere: bool = False, on_epoch: OnEpoch = lambda *_: None
+    ) -> None:
+        self.folder, self.config = folder, folder.config()
+        self.findings = Findings()
+        self.records = folder.metrics()
+        self._on_epoch, self._epochs = on_epoch, 0
+        self._network = self.config.algorithm_spec.network
+        # on a GPU, and where several learners add up their parts, sums are formed in another order
+        here = folder.written_by().get("torch") in (None, torch.__version__)
+        alone = self.config.device == "cpu" and self.config.learners == 1
+        self._repeatable = alone and here and not elsewhere
+        self._trainees = [Trainee(self.config, draws.initial_seed(self.config.seed))]
+        if not self._repeatable and self._network == "binary":
+            self._trainees = rounding.replicas(self._trainees[0])
+        self._follows = True  # whether we know what the learner's network and Adam were
+        self._gaps: list[float] = []
+        self._D: list[list[Played]] = []
+        self._steps: list[int] = []  # transitions of every iteration
+
+    def run(self) -> Findings:
+        """Everything. Nothing is written.
+
+        Raises:
+            ConfigError: the folder holds nothing that could be verified.
+        """
+        torch.set_num_threads(1)  # as the learner
+        policy = self._version(0)
+        if policy is None:
+            raise ConfigError(f"{self.folder.path} holds no weights version 0: nothing to verify")
+        self._check_initial(policy)
+        told, offset = self.folder.rewards(), 0.0
+        for iteration, record in enumerate(self.records):
+            where = f"iteration {iteration}"
+            if not self.findings.compare("files", "metrics", record["iteration"], iteration):
+                return self.findings
+            data = recorded.played(self.folder, self.config, iteration, policy, self.findings)
+            following = self._version(iteration + 1)
+            if data is None or following is None:
+                self.findings.compare("files", where, "incomplete", "all episodes, readable")
+                return self.findings
+            records.check_metrics(self.config, record, data, self.findings)
+            records.check_rewards(iteration, told.get(iteration), data, self.findings)
+            self._D = [*self._D, data][-self.config.datasets :]
+            self._steps.append(sum(len(episode.actions) for episode in data))
+            D = [episode for dataset in self._D for episode in dataset]
+            update = Update(self.config, iteration, record, D, policy, following, offset)
+            offset = self._check_update(update)
+            policy = following
+        # what was played with the last version, of an iteration that was not finished
+        recorded.played(self.folder, self.config, len(self.records), policy, self.findings)
+        self._check_gaps()
+        return self.findings
+
+    def _version(self, version: int) -> Policy | None:
+        try:
+            weights: Weights = self.folder.weights(version)
+        except OSError as error:
+            self.findings.compare(
+                "files", f"weights version {version}", str(error.strerror), "a file"
+            )
+            return None
+        except BlobError as error:
+            self.findings.compare("files", f"weights version {version}", str(error), "a policy")
+            return None
+        self.findings.compare("files", "weights version", weights.version, version)
+        spec = self.config.network
+        if not self.findings.compare("files", f"version {version}", weights.spec, spec):
+            return None
+        if version:
+            said = self.records[version - 1]
+            where = f"iteration {version - 1}"
+            self.findings.compare("digests", where, said.get("weights_sha256"), digest(weights))
+            self.findings.compare("digests", where, said.get("weights_version"), version)
+        return unpacked(weights)
+
+    def _check_initial(self, policy: Policy) -> None:
+        own = released(self._trainees[0], None)
+        near = same_bits(own, policy) or (
+            distance(policy, own) <= 1e-6 and abs(policy.scale / own.scale - 1) < 1e-6
+        )
+        if near:
+            self.findings.compare("initial weights", "version 0", True, True)
+            return
+        hint = ""
+        for seed in (0, 1):
+            other = released(Trainee(self.config, draws.initial_seed(seed)), None)
+            if seed != self.config.seed and distance(policy, other) <= 1e-6:
+                hint = f"they are those of seed {seed}"
+        found, expected = described(policy, own)
+        self.findings.compare("initial weights", "version 0", found, expected, hint=hint)
+        self._follows = False
+
+    def _check_update(self, update: Update) -> float:
+        """One update, from its data to its weights; the offset of the next preferences."""
+        config, where, record = self.config, update.where, update.record
+        data = update.targets()
+        steps = config.epochs * minibatches(len(data.y), config.batch)
+        of_all = config.epochs * minibatches(sum(self._steps), config.batch)
+        hint = (
+            "it is that of the data sets of all iterations" if record["updates"] == of_all else ""
+        )
+        self.findings.compare("updates", where, record["updates"], steps, hint=hint)
+        self._check_targets(update, data)
+        found, expected = record["scale"], update.following.scale
+        self.findings.compare("scale", f"{where}, lambda", found, expected, tolerance=1e-6)
+        binary = update.following.binary
+        reach = update.following.scale * config.network.nodes if binary else float("inf")
+        expected = float((data.y.abs() > reach).float().mean())
+        found = record["saturation"]
+        self.findings.compare("scale", f"{where}, saturation", found, expected, tolerance=1e-3)
+        if self._follows:
+            self._check_training(update, data)
+        else:
+            self.findings["weights"].note(
+                "after a difference updates are not trained again: what the learner's network and optimizer "
+                "were is not known"
+            )
+            self._progress(config.epochs)
+        return data.offset
+
+    def _check_targets(self, update: Update, data: Targets) -> None:
+        where, tolerance = update.where, TARGET_TOLERANCE[self._network]
+        told = update.record["max_target"]
+
+        def fits(other: Targets) -> bool:
+            largest = float(other.y.abs().max())
+            return bool(abs(largest - told) <= tolerance * max(1.0, largest))
+
+        found = update.record["max_preference"]
+        self.findings.compare(
+            "targets", f"{where}, max_preference", found, data.max_preference, tolerance=tolerance
+        )
+        hint = "" if fits(data) else explanations.of_targets(update, fits)
+        largest = float(data.y.abs().max())
+        self.findings.compare(
+            "targets", f"{where}, max_target", told, largest, tolerance=tolerance, hint=hint
+        )
+
+    def _check_training(self, update: Update, data: Targets) -> None:
+        where, following = update.where, update.following
+        before = copy.deepcopy(self._trainees[0])
+        if self.config.engine == "fast":
+            order = draws.shuffles(self.config.seed, update.iteration).permutation(len(data.y))
+            self._gaps.append(gap(before, data, torch.from_numpy(order[: self.config.batch])))
+        losses = [
+            self._trained(trainee, update.iteration, data, turned=7 * k)
+            for k, trainee in enumerate(self._trainees)
+        ]
+        if len(self._trainees) > 1:
+            self._check_within_rounding(update, data, losses)
+            return
+        own = released(self._trainees[0], data.seen)
+        tolerance = LOSS_TOLERANCE[self._network]
+        for name, loss in (("loss_first", losses[0][0]), ("loss", losses[0][-1])):
+            found = update.record[name]
+            self.findings.compare("losses", f"{where}, {name}", found, loss, tolerance=tolerance)
+        same = same_bits(following, own)
+        if same or (not own.binary and distance(following, own) <= WEIGHTS_TOLERANCE):
+            self.findings.compare("weights", where, True, True)
+            if not same:
+                rounding.follow(self._trainees[0], following)
+            return
+        hint = explanations.of_weights(update, before)
+        self.findings.compare("weights", where, *described(following, own), hint=hint)
+        if not hint:
+            self.findings["weights"].note(
+                "if the run was made on another kind of processor or with another torch, add --elsewhere"
+            )
+        self._follows = False
+
+    def _check_within_rounding(
+        self, update: Update, data: Targets, losses: list[list[float]]
+    ) -> None:
+        found = rounding.distances(update, self._trainees, data, losses)
+        for name, (far, allowed) in found.items():
+            check, where = (
+                "losses" if name.startswith("loss") else "weights",
+                f"{update.where}, {name}",
+            )
+            if far <= allowed:
+                self.findings.compare(check, where, True, True)
+            else:
+                self.findings.compare(check, where, f"{far:.3g} away", f"at most {allowed:.3g}")
+        self.findings["weights"].note(
+            "compared with three trainings that differ in rounding alone, not bit by bit"
+        )
+        for trainee in self._trainees:
+            rounding.follow(trainee, update.following)
+
+    def _trained(
+        self, trainee: Trainee, iteration: int, data: Targets, *, turned: int
+    ) -> list[float]:
+        return train(
+            trainee,
+            data,
+            explanations.engine_of(self.config)(trainee, data),
+            factors=learning_rate_factors(self.config, iteration),
+            batch=self.config.batch,
+            shuffles=draws.shuffles(self.config.seed, iteration),
+            turned=turned,
+            on_epoch=lambda: self._progress(0 if turned else 1),
+        )
+
+    def _progress(self, epochs: int) -> None:
+        self._epochs += epochs
+        self._on_epoch(self._epochs, len(self.records) * self.config.epochs)
+
+    def _check_gaps(self) -> None:
+        """The median, since in a minibatch where rounding decides a sign the gradients may differ."""
+        if self._gaps:
+            median = sorted(self._gaps)[len(self._gaps) // 2]
+            self.findings.compare(
+                "gradients",
+                "median of the first minibatches",
+                median if median > GRADIENT_TOLERANCE else 0.0,
+                0.0,
+            )
+            self.findings["gradients"].note(f"median distance {median:.1g} of the norm")
+
+
+def what_is_trusted(config: RunConfig) -> list[str]:
+    """What a run folder alone cannot show."""
+    trusted = ["the frames, that each is what the camera saw after the action before it"]
+    if config.task_spec.rewards == "robot":
+        trusted.append("the rewards, which the robot tells")
+    trusted.append("whether an episode's end was the task's, and times")
+    return trusted

@@ -1,0 +1,1 @@
+"""A robot with its camera behind the bus: the service, and what a robot is to it. No simulation."""

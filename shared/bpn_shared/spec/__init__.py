@@ -1,0 +1,1 @@
+"""What a run is: task, network, algorithm, configuration, and its random numbers; pure data."""

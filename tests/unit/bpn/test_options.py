@@ -1,0 +1,70 @@
+"""Help tells the defaults that will apply, and the docs' claims about presets hold."""
+
+import argparse
+import re
+from pathlib import Path
+
+import pytest
+
+from bpn.cli import parse
+from bpn.options import add_run_options, common_defaults
+from bpn_shared.spec.config import PRESETS, RunConfig
+from bpn_shared.spec.tasks import TASKS, is_gym
+
+ANY_GYM = "gym:Anything-v0"
+NAMED = [*{**TASKS, **PRESETS}, ANY_GYM]
+
+
+def config_of(task: str) -> RunConfig:
+    unknown = is_gym(task) and "actions" not in PRESETS.get(task, {})
+    return RunConfig.for_task(task, **{"actions": 2} if unknown else {})
+
+
+def told(arguments: list[str]) -> dict[str, str]:
+    """The default that help shows for each option."""
+    parser = argparse.ArgumentParser()
+    add_run_options(parser, arguments)
+    found = {}
+    for action in parser._actions:
+        if match := re.search(r"; default (.*)$", action.help or ""):
+            found[action.dest] = match.group(1)
+    return found
+
+
+@pytest.mark.parametrize("task", NAMED)
+def test_help_of_a_task_tells_what_its_runs_get(task: str) -> None:
+    shown = told(["--seed", "3", task])
+    assert set(shown) == set(RunConfig.model_fields) - {"task"}
+    for name, value in config_of(task):
+        if name == "actions" and task == ANY_GYM:
+            assert shown[name] == "found out"
+        elif name != "task":
+            assert shown[name] == f"{value} for {task}"
+
+
+def test_help_without_a_task_tells_only_what_holds_for_all() -> None:
+    shown = told([])
+    for name in RunConfig.model_fields.keys() - {"task"}:
+        values = {str(getattr(config_of(task), name)) for task in NAMED}
+        if name == "actions":
+            values.add("found out")
+        assert shown[name] == (values.pop() if len(values) == 1 else "by task")
+    assert shown["nodes"] == shown["relative_targets"] == "by task"
+    assert common_defaults()["seed"] == 0
+
+
+@pytest.mark.parametrize("command", [["train"], ["runs", "start"]])
+def test_commands_show_them(command: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        parse([*command, "reaching", "--help"])
+    said = " ".join(capsys.readouterr().out.split())
+    assert "nodes of FC(N) (≥ 1, ≤ 1024); default 256 for reaching" in said
+
+
+def test_docs_say_for_which_tasks_targets_are_relative() -> None:
+    page = (Path(__file__).parents[3] / "docs/algorithms/README.md").read_text()
+    claim = re.search(r"`relative_targets`.*; on for (.*), off for other `gym:` tasks", page)
+    assert claim is not None
+    named = set(re.findall("`([^`]+)`", claim.group(1)))
+    assert named == {task for task in NAMED if config_of(task).relative_targets}
+    assert named == {*TASKS, *PRESETS}
