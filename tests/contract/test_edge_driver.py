@@ -1,23 +1,21 @@
 """The edge's end of the protocol: what it records and answers, whatever gets lost between it and its robot."""
 
-from collections.abc import Callable, Iterator
-from typing import Any
+from collections.abc import Callable
 
 import numpy as np
 import pytest
-from learner_side import RUN, LearnerSide
-from loop_parts import EvilRobot, Running
+from learner_side import RUN
+from loop_parts import Scene, good
 
 from bpn.verify.draws import step_uniforms
 from bpn.verify.play import greedy_choice, softmax_choice
-from bpn_edge import service as edge
 from bpn_shared.bnn import golden
 from bpn_shared.bus import keys
 from bpn_shared.bus.latest import DirectSubscriber
 from bpn_shared.bus.session import Bus
 from bpn_shared.messages.action import Action
 from bpn_shared.messages.decision import Decision
-from bpn_shared.messages.frame import FrameHeader
+from bpn_shared.messages.frame import FrameHeader, FrameKind
 from bpn_shared.spec.config import RunConfig
 from bpn_shared.spec.observation import stack
 
@@ -25,33 +23,19 @@ OpenBus = Callable[[], Bus]
 STEPS = 12
 
 
-@pytest.fixture
-def robots(open_bus: OpenBus) -> Iterator[Callable[..., EvilRobot]]:
-    started: list[EvilRobot] = []
-
-    def start(config: RunConfig, bend: Any = lambda header, _: header) -> EvilRobot:
-        started.append(EvilRobot(open_bus(), config, bend))
-        return started[-1]
-
-    yield start
-    for robot in started:
-        robot.end()
-
-
 @pytest.mark.parametrize("algorithm", ["bpn", "bqn"])
 def test_an_episode_holds_what_the_policy_saw_said_and_did(
-    open_bus: OpenBus,
-    running: Callable[..., Running],
-    robots: Callable[..., EvilRobot],
+    scene: Callable[..., Scene],
     algorithm: str,
 ) -> None:
     config = RunConfig.for_task(
         "gym:CartPole-v1", algorithm=algorithm, actions=5, nodes=16, steps=STEPS, frames_stacked=3
     )
-    learner = LearnerSide(open_bus(), config)
-    blob = learner.publish(1, 7)
-    robots(config, lambda header, step: header._replace(reward=step / 4, deadline_misses=step))
-    running("edge", edge.serve, config)
+    playing = scene(
+        config, lambda header, step: header._replace(reward=step / 4, deadline_misses=step)
+    )
+    playing.begin()
+    learner, blob = playing.learner, playing.blob
     actions = set()
     for learner.episode in range(4):
         episode = learner.next_delivery()
@@ -82,45 +66,40 @@ CONFIG = RunConfig.for_task("reaching", nodes=16, steps=3)
 
 def test_a_frame_that_comes_again_gets_the_same_action(
     open_bus: OpenBus,
-    running: Callable[..., Running],
-    robots: Callable[..., EvilRobot],
+    scene: Callable[..., Scene],
     wait_for: Callable[..., None],
 ) -> None:
-    learner = LearnerSide(open_bus(), CONFIG)
-    learner.publish(1, 7)
+    playing = scene(CONFIG)
+    playing.robot.hears = False
     heard: list[Action] = []
     listener = DirectSubscriber(
         open_bus(),
         keys.action(RUN, 0),
         lambda _a, payload, _t: heard.append(Action.decode(payload, CONFIG.task_spec.actions)),
     )
-    deaf = robots(CONFIG)
-    deaf.hears = False
-    running("edge", edge.serve, CONFIG)
+    playing.begin()
     wait_for(lambda: len(heard) >= 4, "four answers to one frame")
     assert len(set(heard)) == 1
-    deaf.hears = True
-    episode = learner.next_delivery()
+    playing.robot.hears = True
+    episode = playing.learner.next_delivery()
     assert episode.actions[0] == heard[0].action
     del listener
 
 
 def test_who_watches_is_shown_what_was_decided_and_why(
     open_bus: OpenBus,
-    running: Callable[..., Running],
-    robots: Callable[..., EvilRobot],
+    scene: Callable[..., Scene],
     wait_for: Callable[..., None],
 ) -> None:
-    learner = LearnerSide(open_bus(), CONFIG)
-    blob = learner.publish(1, 7)
+    playing = scene(CONFIG)
+    learner, blob = playing.learner, playing.blob
     shown: list[Decision] = []
     watching = DirectSubscriber(
         open_bus(),
         keys.decision(RUN, 0),
         lambda _a, payload, _t: shown.append(Decision.decode(payload)),
     )
-    robots(CONFIG)
-    running("edge", edge.serve, CONFIG)
+    playing.begin()
     wait_for(lambda: len(shown) >= 3, "three decisions")
     episodes = {}
     for decision in shown[:3]:
@@ -137,52 +116,64 @@ def test_who_watches_is_shown_what_was_decided_and_why(
 
 
 def test_a_robot_that_begins_again_is_recorded_anew(
-    open_bus: OpenBus,
-    running: Callable[..., Running],
-    robots: Callable[..., EvilRobot],
+    scene: Callable[..., Scene],
 ) -> None:
-    learner = LearnerSide(open_bus(), CONFIG)
-    learner.publish(1, 7)
-    forgetful = robots(CONFIG)
-    forgetful.forgets_at = 2
-    service = running("edge", edge.serve, CONFIG)
-    episode = learner.next_delivery()
+    playing = scene(CONFIG)
+    playing.robot.forgets_at = 2
+    service = playing.begin()
+    episode = playing.learner.next_delivery()
     assert service.counters["episodes_begun_again"] == 1
     assert episode.frames[:, 0, 0, 0].tolist() == [0, 1, 2, 3]
-    assert learner.faults == []
+    assert playing.learner.faults == []
+
+
+def test_the_next_episode_begins_while_the_learner_writes_the_last_one(
+    scene: Callable[..., Scene],
+    wait_for: Callable[..., None],
+) -> None:
+    frames: list[FrameHeader] = []
+
+    def note(header: FrameHeader, _step: int) -> FrameHeader:
+        frames.append(header)
+        return header
+
+    playing = scene(CONFIG, note)
+    learner = playing.learner
+    learner.disk.clear()
+    playing.begin()
+    try:
+        wait_for(lambda: sum(h.kind == FrameKind.LAST for h in frames) >= 2, "a second episode")
+        assert len({header.reset_id for header in frames}) == 2
+        assert learner.delivered == []
+        assert [asked.in_hand for asked in learner.asked] == [None, (0, 0)]
+    finally:
+        learner.disk.set()
+    assert learner.next_delivery().steps == 3  # nothing is lost
 
 
 def test_in_realtime_an_episode_with_a_lost_frame_is_played_again(
-    open_bus: OpenBus,
-    running: Callable[..., Running],
-    robots: Callable[..., EvilRobot],
+    scene: Callable[..., Scene],
     wait_for: Callable[..., None],
 ) -> None:
     config = RunConfig.for_task("reaching", nodes=16, steps=3, pacing="realtime")
-    learner = LearnerSide(open_bus(), config)
-    learner.publish(1, 7)
 
     def skip(header: FrameHeader, step: int) -> FrameHeader:
         return header._replace(step=2) if step == 1 else header
 
-    robot = robots(config, skip)
-    service = running("edge", edge.serve, config)
+    playing = scene(config, skip)
+    service = playing.begin()
     wait_for(lambda: service.counters.get("episodes_with_missing_frames", 0) >= 2, "two such")
-    robot.bend = lambda header, _: header
-    assert learner.next_delivery().steps == 3
-    assert learner.faults == []
+    playing.robot.bend = good
+    assert playing.learner.next_delivery().steps == 3
+    assert playing.learner.faults == []
 
 
 def test_frames_of_another_reset_are_nobodys(
-    open_bus: OpenBus,
-    running: Callable[..., Running],
-    robots: Callable[..., EvilRobot],
+    scene: Callable[..., Scene],
     wait_for: Callable[..., None],
 ) -> None:
-    learner = LearnerSide(open_bus(), CONFIG)
-    learner.publish(1, 7)
-    robot = robots(CONFIG, lambda header, _: header._replace(reset_id=header.reset_id ^ 1))
-    service = running("edge", edge.serve, CONFIG)
+    playing = scene(CONFIG, lambda header, _: header._replace(reset_id=header.reset_id ^ 1))
+    service = playing.begin()
     wait_for(lambda: service.counters.get("frames_of_other_episodes", 0) >= 2, "two such")
-    robot.bend = lambda header, _: header
-    assert learner.next_delivery().steps == 3
+    playing.robot.bend = good
+    assert playing.learner.next_delivery().steps == 3

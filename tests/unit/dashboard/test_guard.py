@@ -11,7 +11,6 @@ from starlette.responses import PlainTextResponse
 
 from bpn_dashboard.access.connections import Connections
 from bpn_dashboard.access.guard import Guard
-from bpn_shared.bus.address import is_loopback
 from bpn_shared.counters import Counters
 
 LIMIT = 100
@@ -117,12 +116,3 @@ def test_names_of_loopback_are_known_and_others_must_be_told() -> None:
     open_to = TestClient(Guard(reached, ["Robots.example"]), base_url="http://localhost")
     for host, status in (("robots.EXAMPLE:80", 200), ("[::1]:1", 200), ("robots.example.org", 421)):
         assert open_to.get("/", headers={"Host": host}).status_code == status
-
-
-@pytest.mark.parametrize(
-    ("host", "expected"),
-    [("localhost", True), ("127.0.0.1", True), ("127.9.9.9", True), ("::1", True),
-     ("10.0.0.1", False), ("0.0.0.0", False), ("robots.example", False), ("", False)],
-)  # fmt: skip
-def test_loopback_is_told_from_the_rest(host: str, expected: bool) -> None:
-    assert is_loopback(host) is expected
