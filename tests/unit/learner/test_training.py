@@ -10,7 +10,9 @@ from typing import Any, NamedTuple
 from uuid import UUID
 
 import pytest
+import torch
 from played import CONFIG, played
+from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 from torch import Tensor
 
 from bpn_learner import training as training_module
@@ -18,7 +20,7 @@ from bpn_learner.checkpoint import CheckpointError, encode_checkpoint
 from bpn_learner.episodes import DataError
 from bpn_learner.export import export
 from bpn_learner.group import Alone, GroupLostError
-from bpn_learner.handout import take
+from bpn_learner.handout import MAX_BYTES, take
 from bpn_learner.initial import initial_policy
 from bpn_learner.ledger import EpisodeLedger
 from bpn_learner.reward import episode_rewards
@@ -443,12 +445,22 @@ def test_who_shares_an_update_is_told_all_of_it(runs: Runs, folder: RunFolder) -
     assert export(network).content_sha256() == before
 
 
+@pytest.mark.parametrize("size", [0, -1, MAX_BYTES + 1])
+def test_what_cannot_be_an_update_is_not_waited_for(size: int) -> None:
+    taking = Taking()
+    taking.told = [torch.tensor([size])]
+    with pytest.raises(GroupLostError, match=f"tells {size} bytes, at most"):
+        take(taking, *initial_policy(RUN))  # type: ignore[arg-type]
+
+
 def test_tensorboard_gets_the_metrics_if_it_is_asked_for(tmp_path: Path) -> None:
     for asked in (False, True):
         config = RunConfig.model_validate(RUN.model_dump() | {"tensorboard": asked})
         folder = RunFolder.create(tmp_path / str(asked), UUID(int=1), config)
         train(folder, stop_after=1)
-        assert any((folder.path / "tensorboard").glob("events*")) == asked
+        assert (folder.path / "tensorboard").exists() == asked
+    told = EventAccumulator(str(folder.path / "tensorboard")).Reload().Scalars("return_px")
+    assert [point.value for point in told] == pytest.approx([folder.metrics()[0]["return_px"]])
 
 
 def test_the_record_of_an_iteration_is_of_its_episodes(runs: Runs) -> None:
