@@ -112,3 +112,10 @@ def test_each_task_looks_for_its_own_colour() -> None:
 def test_gray_frames_are_refused_where_rgb_is_due(task: str) -> None:
     with pytest.raises(RewardError, match=r"the task has uint8\[T\+1, 3, 84, 84\]"):
         rewards(task, np.zeros((2, 1, 84, 84), np.uint8))
+
+
+def test_one_frame_has_no_reward_and_none_are_refused() -> None:
+    first = draw((20, 20), (60, 60))
+    assert reaching_rewards(np.stack([first])).shape == (0,)
+    with pytest.raises(RewardError, match=r"frames are uint8\[0, 1, 84, 84\]"):
+        reaching_rewards(np.stack([first])[:0])
