@@ -134,13 +134,13 @@ test('what only environments have is asked of them alone, and may be emptied aga
     crop: '0,34,160,160',
     difference: true,
   });
-  expect(read(SCHEMA, { ...draft, task: 'reaching' }).config).toEqual({ task: 'reaching' });
+  expect(read(SCHEMA, { ...draft, task: 'pointing' }).config).toEqual({ task: 'pointing' });
   draft.texts.crop = ' ';
   expect(read(SCHEMA, draft)).toMatchObject({ wrong: {} });
   expect(read(SCHEMA, draft).config).not.toHaveProperty('crop');
   const [first] = sectionsOf(SCHEMA, 'gym:A-v0');
   expect(first?.fields.map((one) => one.key)).toEqual(['env_kwargs', 'crop', 'difference']);
-  const others = sectionsOf(SCHEMA, 'reaching').flatMap((section) => section.fields);
+  const others = sectionsOf(SCHEMA, 'pointing').flatMap((section) => section.fields);
   expect(others.map((one) => one.key)).not.toContain('crop');
 });
 
