@@ -3,6 +3,7 @@
 import hashlib
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 from paper import TASKS
@@ -61,3 +62,17 @@ def test_rewards_need_no_robot() -> None:
 
 def test_all_that_are_ours_are_offered() -> None:
     assert {*TASKS, "gym:", "gym:CartPole-v1"} <= offered().presets.keys()
+
+
+def test_no_service_names_a_task() -> None:
+    """They know tasks by value alone; names stand in packaging files, and in the plug-ins themselves."""
+    root = Path(__file__).parents[3]
+    found = [
+        path
+        for part in ("shared", "services/edge", "services/learner", "services/dashboard", "services/robot")
+        for kind in ("py", "ts", "svelte", "cpp")
+        for path in (root / part).rglob(f"*.{kind}")
+        if "node_modules" not in path.parts
+        and any(task in path.read_text(errors="replace") for task in TASKS)
+    ]  # fmt: skip
+    assert found == []
