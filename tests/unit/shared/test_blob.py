@@ -89,6 +89,8 @@ def test_layers_are_the_papers() -> None:
         (a.in_size, a.kernel, a.stride, a.out_size, a.weight_shape, a.max_output)
         for a in NetworkSpec(6, 100, 17).layers
     ]
+    names = [layer.name for layer in NetworkSpec(6, 100, 17).layers]
+    assert names == ["conv1", "conv2", "conv3", "fc1", "fc2"]
     assert found == [
         (84, 8, 4, 20, (8, 384), 384 * 255),
         (20, 4, 2, 9, (16, 128), 128),
