@@ -100,7 +100,10 @@ MESSAGES: list[Message] = [
     MeetingRequest(rank=1, worker="learner-1a"),
     MeetingReply(verdict="meet", host="10.0.0.1", port=12345),
     MetricsBatch(points=[Point(name="loss", step=1, value=0.5, time_ns=1)]),
-    ProbeRequest(task="gym:CartPole-v1", frame_channels=3, steps=10),
+    ProbeRequest(
+        task="gym:CartPole-v1", frame_channels=3, steps=10, env_kwargs='{"a": [1]}', env_wrappers="a.b:C,D",
+        observation_key="k", crop="0,1,2,3", frames_from="observations", difference=True,
+    ),
     ProbeReply(actions=2, seen="renders", note="n"),
     Decision(
         iteration=1, episode=2, step=3, action=4, outputs=[-5, 2**31 - 1], scale=0.25,
