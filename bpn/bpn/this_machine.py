@@ -4,6 +4,7 @@ import logging
 from importlib.util import find_spec
 
 from bpn.terminal import stdout_for_results
+from bpn_shared import plugins
 from bpn_shared.messages.probe import ProbeReply, ProbeRequest
 from bpn_shared.spec.config import ConfigError, RunConfig
 from bpn_shared.spec.tasks import is_gym
@@ -24,7 +25,7 @@ class ThisMachine:
         return found
 
     def check(self, config: RunConfig) -> None:
-        """See `Workplace.check`: kernel, GPU, TensorBoard, and OpenGL where MuJoCo renders."""
+        """See `Workplace.check`: kernel, GPU, callbacks, and OpenGL where MuJoCo renders."""
         _check_learner(config)
         self.check_playing(config)
 
@@ -63,6 +64,8 @@ def _check_learner(config: RunConfig) -> None:
             "tensorboard = True needs tensorboard, which is not installed: "
             "pip install 'bpn-learner[tensorboard]'"
         )
+    for name in config.callback_names:
+        plugins.find(plugins.CALLBACKS, name)
     if config.device == "cuda":
         from torch.cuda import is_available  # noqa: PLC0415 - it takes seconds to load
 

@@ -37,7 +37,13 @@ def add_options(parser: argparse.ArgumentParser, _arguments: Sequence[str]) -> N
         help="the best action; drawn from the outputs' softmax, as bpn, cvi and dpp train (bqn and dqn do "
         "not); or any (default greedy)",
     )
-    parser.add_argument("--version", type=int, help="weights version (default: the newest)")
+    which = parser.add_mutually_exclusive_group()
+    which.add_argument("--version", type=int, help="weights version (default: the newest)")
+    which.add_argument(
+        "--best",
+        action="store_true",
+        help="the version that was the best in the evaluations during training",
+    )
     parser.add_argument("--seed", type=int, help="of starts and draws (default: the run's)")
     parser.add_argument("--pacing", choices=get_args(Pacing), default="lockstep")
     parser.add_argument(
@@ -63,7 +69,8 @@ def run(options: argparse.Namespace) -> int:
     """Plays the trials; exit status 130 if interrupted."""
     folder = RunFolder.open(options.runs_dir, options.run_id)
     trials = _trials(options, folder.config())
-    config, weights = trials.config(folder.config()), _weights(folder, options.version)
+    version = folder.best().version if options.best else options.version
+    config, weights = trials.config(folder.config()), _weights(folder, version)
     video, plot = _media(options, config.task)
     ThisMachine().check_playing(config)
     stop = stop_on_signals()

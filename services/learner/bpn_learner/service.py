@@ -7,6 +7,7 @@ from pathlib import Path
 
 from bpn_learner.checkpoint import CheckpointError
 from bpn_learner.episodes import DataError
+from bpn_learner.evaluations import Evaluations
 from bpn_learner.group import GroupLostError
 from bpn_learner.initial import has_gpu
 from bpn_learner.ledger import EpisodeLedger
@@ -25,6 +26,7 @@ from bpn_shared.bus.requests import RefusedError, Responder
 from bpn_shared.bus.router_watch import GIVE_UP_AFTER_S
 from bpn_shared.bus.weights import WeightsPublisher
 from bpn_shared.messages.control import Fault, NextEpisode
+from bpn_shared.plugins import PluginError
 from bpn_shared.runs.folder import RunFolder, State
 from bpn_shared.runs.ownership import Ownership
 from bpn_shared.runtime.entry import argument_parser, natural, run_worker
@@ -46,6 +48,7 @@ _HOPELESS = (
     DivergenceError,
     EpisodeImpossibleError,
     GroupLostError,
+    PluginError,
     StorageError,
 )
 
@@ -99,19 +102,23 @@ def _train(worker: Worker, owner: Ownership) -> None:
     alive = Alive(worker.bus, "edge")
     ledger = EpisodeLedger(config, owner, alive, worker.waiting, worker.counters)
 
+    evaluations = Evaluations(config, alive, worker.waiting)
+
     def next_episode(body: bytes) -> bytes:
-        return ledger.next(NextEpisode.decode(body)).encode()
+        asked = NextEpisode.decode(body)
+        return (evaluations.next(asked) or ledger.next(asked)).encode()
 
     def episode(body: bytes) -> bytes:
         try:
-            receipt = ledger.receive(body)
+            receipt = evaluations.receive(body) or ledger.receive(body)
         except StorageError as error:
             raise RefusedError(str(error)) from error
         worker.counters.add(EPISODES_STORED, receipt.verdict == "stored")
         return receipt.encode()
 
     def fault(body: bytes) -> bytes:
-        return ledger.fault(Fault.decode(body)).encode()
+        told = Fault.decode(body)
+        return (evaluations.fault(told) or ledger.fault(told)).encode()
 
     def configuration(_body: bytes) -> bytes:
         return config.model_dump_json().encode()
@@ -144,10 +151,17 @@ def _train(worker: Worker, owner: Ownership) -> None:
         report=report,
         waiting=worker.waiting,
         stop=worker.stop,
+        evaluations=evaluations,
+        counters=worker.counters,
     )
     finished = training.run()
     end: State = "finished" if finished else "stopped"
-    insist("the state", lambda: owner.set_state(end), waiting=worker.waiting, stop=worker.stop)
+    insist(
+        "the state",
+        lambda: owner.set_state(end, error=training.ended_early),
+        waiting=worker.waiting,
+        stop=worker.stop,
+    )
     if finished:
         ledger.finish()
         ledger.wait_told(worker.stop, _TELL_S)

@@ -1,7 +1,7 @@
 """config.json: the configuration of a run, with its schema, who wrote it and a digest.
 
-Schema 1 was the values alone. Each older schema is migrated to the next one, step by step, and what a file does
-not say is what the program did that wrote it, never what is the default today.
+Schema 1 was the values alone, schema 2 had no callbacks. Each older schema is migrated to the next one, step by
+step, and what a file does not say is what the program did that wrote it, never what is the default today.
 """
 
 from collections.abc import Callable
@@ -11,7 +11,7 @@ from bpn_shared.runs.digests import DamagedError, seal, unseal
 from bpn_shared.spec.config import ConfigError, RunConfig
 from bpn_shared.version import VERSION, written_by
 
-SCHEMA = 2
+SCHEMA = 3
 
 _REMEDY = "put the file back as it was, or start a new run with the values that you want"
 
@@ -146,4 +146,16 @@ def _from_1(values: dict[str, Any]) -> dict[str, Any]:
     return _BEFORE_SCHEMA_2 | values
 
 
-_MIGRATIONS: dict[int, Callable[[dict[str, Any]], dict[str, Any]]] = {1: _from_1}
+_BEFORE_SCHEMA_3: dict[str, Any] = {
+    "evaluate_every": 0,
+    "evaluate_episodes": 10,
+    "stop_when": "",
+    "callbacks": "",
+}
+
+
+def _from_2(values: dict[str, Any]) -> dict[str, Any]:
+    return _BEFORE_SCHEMA_3 | values
+
+
+_MIGRATIONS: dict[int, Callable[[dict[str, Any]], dict[str, Any]]] = {1: _from_1, 2: _from_2}

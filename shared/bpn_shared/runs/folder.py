@@ -6,6 +6,7 @@
     rewards.jsonl       likewise: the rewards of every step of its episodes, in pixels
     episodes/           every episode as it was delivered, <iteration>-<episode>.bpne
     weights/            every weights version, <version>.bpnw
+    best.json           the best version in the evaluations during training, if there are any
     checkpoint.safetensors
     logs/               what each service said
 
@@ -23,6 +24,7 @@ from typing import Any, BinaryIO, Self
 from uuid import UUID
 
 from bpn_shared.bnn.weights import Weights, decode_weights
+from bpn_shared.runs.best import Best, decode_best
 from bpn_shared.runs.config_file import (
     config_schema,
     config_writer,
@@ -325,6 +327,21 @@ class RunFolder:
             OSError: it is missing, or cannot be read.
         """
         return decode_weights(self.read_file(f"weights/{self.weights_path(version).name}"))
+
+    def best(self) -> Best:
+        """The best version in the evaluations during training.
+
+        Raises:
+            ConfigError: none was evaluated, or the file is damaged.
+        """
+        path = self.path / "best.json"
+        try:
+            data = self.read_file(path.name)
+        except OSError as error:
+            raise ConfigError(
+                f"{path}: {error.strerror}; runs with evaluate_every have it after their first evaluation"
+            ) from error
+        return decode_best(data, source=str(path))
 
     def append_metrics(self, record: Mapping[str, Any], *, prove: Prove = free) -> None:
         """Adds one iteration's record; it is on disk when this returns."""

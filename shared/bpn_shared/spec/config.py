@@ -7,6 +7,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_valida
 from bpn_shared.errors import InputError
 from bpn_shared.spec.algorithms import ALGORITHMS, KERNELS, Algorithm, AlgorithmName, implied
 from bpn_shared.spec.network import MAX_ACTIONS, MAX_CHANNELS, MAX_NODES, NetworkSpec
+from bpn_shared.spec.stopping import StopRule
 from bpn_shared.spec.tasks import TASKS, Task, check_task_name, gym_task, is_gym
 
 Pacing = Literal["lockstep", "realtime"]
@@ -16,6 +17,7 @@ Policy = Literal["softmax", "epsilon_greedy"]
 Device = Literal["cpu", "cuda"]
 Engine = Literal["fast", "plain"]
 
+CALLBACKS_PATTERN = r"^$|^[A-Za-z0-9][\w.-]*(,[A-Za-z0-9][\w.-]*)*$"
 MAX_STEPS = 1000
 MAX_LEARNERS = 64
 MAX_ACTION_DELAY_MS = 2000.0
@@ -115,6 +117,30 @@ class RunConfig(BaseModel):
     tensorboard: Annotated[
         bool, Field(description="also write TensorBoard event files into the run folder")
     ] = False
+    evaluate_every: Annotated[
+        int,
+        Field(
+            ge=0,
+            le=100_000,
+            description="iterations from one evaluation to the next, greedy episodes that are no data, of which "
+            "the best policy is noted; 0: none",
+        ),
+    ] = 0
+    evaluate_episodes: Annotated[
+        int, Field(ge=1, le=1000, description="episodes of an evaluation during training")
+    ] = 10
+    stop_when: Annotated[
+        str,
+        Field(max_length=100, description="end early once this holds: 'eval_return >= 475'"),
+    ] = ""
+    callbacks: Annotated[
+        str,
+        Field(
+            max_length=200,
+            pattern=CALLBACKS_PATTERN,
+            description="installed callbacks, separated by commas: what else is done during training",
+        ),
+    ] = ""
 
     robots: Annotated[int, Field(ge=1, le=64, description="slots: robots, each with its edge")] = 1
     pacing: Annotated[
@@ -190,6 +216,12 @@ class RunConfig(BaseModel):
         return self
 
     @model_validator(mode="after")
+    def _possible_stop(self) -> Self:
+        if self.stop_when:
+            StopRule.parse(self.stop_when)
+        return self
+
+    @model_validator(mode="after")
     def _delay_needs_time(self) -> Self:
         if self.action_delay_ms and self.pacing == "lockstep":
             raise ValueError(
@@ -222,6 +254,17 @@ class RunConfig(BaseModel):
     def policy(self) -> Policy:
         """What data are collected with: CVI's policy is its softmax, DQN explores epsilon-greedily."""
         return "softmax" if self.algorithm_spec.update == "cvi" else "epsilon_greedy"
+
+    @property
+    def callback_names(self) -> tuple[str, ...]:
+        """The callbacks of the training, in the order in which they are called; each once."""
+        names = [
+            *(["evaluation", "best"] if self.evaluate_every else []),
+            *filter(None, self.callbacks.split(",")),
+            *(["early_stop"] if self.stop_when else []),
+            *(["tensorboard"] if self.tensorboard else []),
+        ]
+        return tuple(dict.fromkeys(names))
 
     def epsilon(self, iteration: int) -> float:
         """Share of uniformly random actions in an iteration: 0 for CVI, whose policy is stochastic.
