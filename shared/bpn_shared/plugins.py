@@ -95,7 +95,7 @@ class Plugin:
         package = self.distribution.split(" ")[0]
         return PluginError(
             f"{self.group.noun} {self.name!r} ({self.entry_point.value} of {self.distribution}) is broken: "
-            f"{said}; mend or upgrade {package}, install what it needs, or remove it with `pip uninstall {package}`"
+            f"{said}; mend or upgrade {package}, install what it needs, or remove it: pip uninstall {package}"
         )
 
 
