@@ -58,12 +58,12 @@ class Evaluations:
         if trials.failure:
             raise RuntimeError(trials.failure)
         played, task = trials.episodes(), self._config.task_spec
-        rewards = [episode_rewards(task, one) for one in played]
+        scored = [(one.meta, episode_rewards(task, one)) for one in played]
         return EvaluationEnd(
             iteration,
             weights.version,
-            tuple(float(of_one.sum()) for of_one in rewards),
-            tuple(success_of(task, *pair) for pair in zip((p.meta for p in played), rewards)),
+            tuple(float(rewards.sum()) for _, rewards in scored),
+            tuple(success_of(task, meta, rewards) for meta, rewards in scored),
         )
 
     def next(self, asked: NextEpisode) -> Assignment | None:

@@ -10,8 +10,8 @@ METRIC = "eval_return"
 class BestPolicy(Callback):
     """Notes the version with the best evaluation; of equal ones the first.
 
-    Evaluations have the same seeds, so that they are compared with each other, and other ones than `bpn eval`, whose
-    figures of the chosen version are therefore fair.
+    Evaluations have the same seeds, so that they can be compared with each other, and other ones than `bpn eval`,
+    whose figures of the chosen version are therefore fair.
     """
 
     def __init__(self, run: TrainingRun) -> None:

@@ -18,7 +18,7 @@ except ModuleNotFoundError as error:
 
 
 class TensorBoard(Callback):
-    """Writes into the folder `tensorboard` of the run; what an earlier attempt wrote of the same iterations goes."""
+    """Writes into the folder `tensorboard` of the run, over what an earlier attempt wrote of an iteration."""
 
     def __init__(self, run: TrainingRun) -> None:
         super().__init__(run)
@@ -40,5 +40,5 @@ class TensorBoard(Callback):
                 self._writer.add_scalar(name, value, iteration, time_unix_s)
         self._writer.flush()
 
-    def on_run_end(self, end: RunEnd) -> None:
+    def on_run_end(self, _end: RunEnd) -> None:
         self._writer.close()

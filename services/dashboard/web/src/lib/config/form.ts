@@ -40,6 +40,11 @@ const SECTIONS: { title: string; open: boolean; keys: string[] }[] = [
       'scale_initial',
     ],
   },
+  {
+    title: 'Evaluation, early end, callbacks',
+    open: false,
+    keys: ['evaluate_every', 'evaluate_episodes', 'stop_when', 'callbacks', 'tensorboard'],
+  },
   { title: 'Exploration of BQN', open: false, keys: ['epsilon_initial', 'epsilon_final'] },
 ];
 const ELSEWHERE = new Set(['task', 'algorithm']);
@@ -101,7 +106,10 @@ export function parseValue(field: Field, text: string): { value: ConfigValue } |
       return { wrong: `must be one of ${field.choices.join(', ')}` };
     return { value: trimmed };
   }
-  if (field.kind === 'text') return trimmed ? { value: trimmed } : { wrong: 'must not be empty' };
+  if (field.kind === 'text')
+    return trimmed || field.schema.default === ''
+      ? { value: trimmed }
+      : { wrong: 'must not be empty' };
   const value = trimmed === '' ? NaN : Number(trimmed);
   if (!Number.isFinite(value)) return { wrong: 'must be a number' };
   if (field.kind === 'integer' && !Number.isSafeInteger(value))
