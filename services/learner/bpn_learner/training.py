@@ -162,6 +162,12 @@ class Training:
 
     def _restore(self) -> None:
         """The data sets that the next update needs, each with all its episodes."""
+        if self._config.init_from and not self._done:
+            run, version, _ = self._config.init_from.split(":")
+            log.info(
+                "begins with version %s of run %s: its weights, batch-norm statistics and lambda; Adam's moments, "
+                "learning rates and data are this run's own", version, run,
+            )  # fmt: skip
         if self._done:
             self._history.check_policy(self._network, self._done)
             log.info("resumes after %d of %d iterations", self._done, self._config.iterations)

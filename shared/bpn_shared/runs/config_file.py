@@ -1,7 +1,8 @@
 """config.json: the configuration of a run, with its schema, who wrote it and a digest.
 
-Schema 1 was the values alone, schema 2 had no callbacks. Each older schema is migrated to the next one, step by
-step, and what a file does not say is what the program did that wrote it, never what is the default today.
+Schema 1 was the values alone, schema 2 had neither callbacks nor warm starts. Each older schema is migrated to the
+next one, step by step, and what a file does not say is what the program did that wrote it, never what is the
+default today.
 """
 
 from collections.abc import Callable
@@ -147,6 +148,7 @@ def _from_1(values: dict[str, Any]) -> dict[str, Any]:
 
 
 _BEFORE_SCHEMA_3: dict[str, Any] = {
+    "init_from": "",
     "evaluate_every": 0,
     "evaluate_episodes": 10,
     "stop_when": "",

@@ -6,6 +6,7 @@
     rewards.jsonl       likewise: the rewards of every step of its episodes, in pixels
     episodes/           every episode as it was delivered, <iteration>-<episode>.bpne
     weights/            every weights version, <version>.bpnw
+    initial.safetensors of a run that begins with another one's weights: that one's checkpoint
     best.json           the best version in the evaluations during training, if there are any
     checkpoint.safetensors
     logs/               what each service said
@@ -40,6 +41,8 @@ from bpn_shared.runs.opening import file_names, folder_names, is_run_id, open_fi
 from bpn_shared.runs.ownership import Ownership
 from bpn_shared.runs.state import OVER, STATES, RunState, State, decode_state, encode_state
 from bpn_shared.runs.trash import Trash
+from bpn_shared.runs.warm_start import FILE as INITIAL
+from bpn_shared.runs.warm_start import taken_over
 from bpn_shared.spec.config import ConfigError, RunConfig
 
 __all__ = [
@@ -72,12 +75,19 @@ class RunFolder:
         """Makes the folder of a new run.
 
         Raises:
+            ConfigError: it begins with another run's weights, and they cannot be had.
             FileExistsError: the run exists.
         """
+        initial = b""
+        if config.init_from:
+            source = cls.open(runs_dir, config.init_from.split(":")[0])
+            config, initial = taken_over(config, source)
         folder = cls(runs_dir / str(run))
         folder.path.mkdir(parents=True)
         for part in ("episodes", "weights", "logs"):
             (folder.path / part).mkdir()
+        if initial:
+            folder.write(INITIAL, initial)
         folder.set_state("queued")
         # Last: a folder that has it counts as a run.
         folder.write("config.json", encode_config(config))

@@ -18,6 +18,7 @@ Device = Literal["cpu", "cuda"]
 Engine = Literal["fast", "plain"]
 
 CALLBACKS_PATTERN = r"^$|^[A-Za-z0-9][\w.-]*(,[A-Za-z0-9][\w.-]*)*$"
+INIT_FROM_PATTERN = r"^$|^[0-9a-f-]{1,36}(:\d{1,9}(:[0-9a-f]{64})?)?$"
 MAX_STEPS = 1000
 MAX_LEARNERS = 64
 MAX_ACTION_DELAY_MS = 2000.0
@@ -117,6 +118,14 @@ class RunConfig(BaseModel):
     tensorboard: Annotated[
         bool, Field(description="also write TensorBoard event files into the run folder")
     ] = False
+    init_from: Annotated[
+        str,
+        Field(
+            max_length=200,
+            pattern=INIT_FROM_PATTERN,
+            description="run whose newest weights it begins with, RUN[:VERSION]; kept with their SHA-256",
+        ),
+    ] = ""
     evaluate_every: Annotated[
         int,
         Field(

@@ -20,7 +20,11 @@ export interface Section {
 
 /* What belongs together; keys that are not named here come last, so that a new one is never missing. */
 const SECTIONS: { title: string; open: boolean; keys: string[] }[] = [
-  { title: 'Run', open: true, keys: ['seed', 'iterations', 'nodes', 'alpha', 'beta', 'robots'] },
+  {
+    title: 'Run',
+    open: true,
+    keys: ['seed', 'iterations', 'nodes', 'alpha', 'beta', 'robots', 'init_from'],
+  },
   {
     title: 'Data of an iteration',
     open: false,
