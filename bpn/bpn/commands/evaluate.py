@@ -22,7 +22,7 @@ from bpn_shared.bnn.weights import Weights, decode_weights
 from bpn_shared.errors import InputError
 from bpn_shared.runs.folder import RunFolder
 from bpn_shared.runtime.service import stop_on_signals
-from bpn_shared.spec.config import Kernel, Pacing, RunConfig
+from bpn_shared.spec.config import Pacing, RunConfig
 
 _FILMS, _PLOTS = (".mp4", ".gif"), (".png", ".svg", ".pdf")
 
@@ -53,7 +53,7 @@ def add_options(parser: argparse.ArgumentParser, _arguments: Sequence[str]) -> N
         metavar="MS",
         help="time added between a frame and its action's effect; needs --pacing realtime",
     )
-    parser.add_argument("--kernel", choices=get_args(Kernel), help="default: the run's")
+    parser.add_argument("--kernel", help="an installed one, such as golden (default: the run's)")
     parser.add_argument("--robots", type=int, default=1, help="trials played side by side")
     parser.add_argument("--video", type=Path, metavar="FILE", help="film, " + " or ".join(_FILMS))
     parser.add_argument("--no-bars", action="store_true", help="film without action preferences")

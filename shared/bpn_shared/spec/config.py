@@ -11,7 +11,8 @@ from bpn_shared.spec.stopping import StopRule
 from bpn_shared.spec.tasks import TASKS, Task, check_task_name, gym_task, is_gym
 
 Pacing = Literal["lockstep", "realtime"]
-Kernel = Literal["native", "golden", "onnx"]
+Kernel = str
+"""Name of an installed kernel."""
 Policy = Literal["softmax", "epsilon_greedy"]
 """How an action is drawn from a network's outputs."""
 Device = Literal["cpu", "cuda"]
@@ -22,6 +23,10 @@ INIT_FROM_PATTERN = r"^$|^[0-9a-f-]{1,36}(:\d{1,9}(:[0-9a-f]{64})?)?$"
 MAX_STEPS = 1000
 MAX_LEARNERS = 64
 MAX_ACTION_DELAY_MS = 2000.0
+
+
+_OWN_KERNELS = frozenset(name for names in KERNELS.values() for name in names)
+"""Of the others, only the edge that has them can say what they run."""
 
 
 class ConfigError(InputError):
@@ -165,7 +170,11 @@ class RunConfig(BaseModel):
     ] = 0.0
     kernel: Annotated[
         Kernel,
-        Field(description="what runs the policy at the edge; native, golden: binary, onnx: float"),
+        Field(
+            max_length=60,
+            pattern=r"^[A-Za-z0-9][\w.-]*$",
+            description="what runs the policy at the edge; native, golden: binary, onnx: float; or your own",
+        ),
     ] = "native"
 
     @model_validator(mode="before")
@@ -204,7 +213,7 @@ class RunConfig(BaseModel):
     @model_validator(mode="after")
     def _fits_algorithm(self) -> Self:
         kernels = KERNELS[self.algorithm_spec.network]
-        if self.kernel not in kernels:
+        if self.kernel in _OWN_KERNELS and self.kernel not in kernels:
             raise ValueError(
                 f"kernel = {self.kernel!r} does not run the network of {self.algorithm!r}, which is "
                 f"{self.algorithm_spec.network}; one of: {', '.join(kernels)}"
