@@ -23,9 +23,9 @@ SMALLEST, LARGEST = NetworkSpec(1, 1, 2), NetworkSpec(16, 1024, 64)
 def check_kernel(kernel: Kernel, *, networks: int = 100, seed: int = 0) -> None:
     """Holds a kernel for binarized policies to `bpn_edge.kernel.Kernel`, and to golden bit by bit.
 
-    Networks of random geometry, signs and thresholds, also such as every sum reaches or none, and such as are ties;
-    pictures at random, black, white and of both. Where the kernel has
-    `trace(observation) -> (activations, outputs)`, as `NativeKernel.trace`, every layer is compared.
+    Networks of random geometry, signs and thresholds, also thresholds that every sum reaches, or none, or that are
+    ties; pictures at random, black, white and of both. Where the kernel has `trace(observation) ->
+    (activations, outputs)`, as `NativeKernel.trace`, every layer is compared.
 
     Args:
         kernel: without weights yet.

@@ -1,13 +1,12 @@
-"""The examples as an installer leaves them: their entry points are found, and do what their pages say."""
+"""The examples, installed by pip: their entry points are found, and do what their pages say."""
 
 import shutil
 import subprocess
-import tomllib
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from installed import install
 
 from bpn.testing import check_kernel
 from bpn_edge.kernel import load
@@ -30,15 +29,22 @@ SMALL = [
 
 
 def installed(site: Path, name: str) -> None:
-    """One example, in a folder of packages."""
-    project = tomllib.loads((EXAMPLES / name / "pyproject.toml").read_text())["project"]
-    shutil.copy(EXAMPLES / name / f"{name}.py", site)
-    install(site, project["name"], project["entry-points"], version=project["version"])
+    """One example, in a folder of packages, by pip."""
+    built = site.with_name(f"{name}-source")  # a build leaves files where it is done
+    shutil.copytree(EXAMPLES / name, built)
+    subprocess.run(
+        [
+            sys.executable, "-m", "pip", "install", "--quiet", "--disable-pip-version-check", "--no-deps",
+            "--no-index", "--no-build-isolation", "--target", site, built,
+        ],
+        check=True, timeout=60,
+    )  # fmt: skip
 
 
 def test_the_kernel_passes_the_check(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    installed(tmp_path, "own_kernel")
-    monkeypatch.syspath_prepend(tmp_path)
+    site = tmp_path / "site"
+    installed(site, "own_kernel")
+    monkeypatch.syspath_prepend(site)
     check_kernel(load("blas"), networks=20)
 
 
@@ -46,7 +52,6 @@ def test_callback_and_kernel_train_by_command_line_to_the_same_weights(
     tmp_path: Path, command: Callable[..., list[str]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     site = tmp_path / "site"
-    site.mkdir()
     for name in ("own_callback", "own_kernel"):
         installed(site, name)
     runs: dict[str, RunFolder] = {}
