@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from bpn.errors import CommandError
+from bpn.terminal import command
 from bpn_dashboard.api.models import RemovedRun, Run
 from bpn_dashboard.database.tables import RunRow
 from bpn_dashboard.registry.folders import name_in_trash, named_contents, row_of
@@ -32,7 +33,8 @@ class FolderRuns:
 
     def __init__(self, runs_dir: Path) -> None:
         if not runs_dir.is_dir():
-            raise InputError(f"--runs-dir {runs_dir}: there is no such folder")
+            start = command("bpn", "up", "--runs-dir", runs_dir)
+            raise InputError(f"--runs-dir {runs_dir}: there is no such folder; `{start}` makes one")
         self._runs_dir = runs_dir
         self._trash = Trash(runs_dir)
 

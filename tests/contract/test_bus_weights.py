@@ -1,3 +1,4 @@
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from uuid import UUID
@@ -60,14 +61,20 @@ def test_an_edge_that_starts_late_has_the_newest_at_once(
 
 
 def test_an_edge_that_waits_gets_what_is_published(open_bus: OpenBus, wait_for: WaitFor) -> None:
-    edge = Edge(open_bus())
-    learner = open_bus()
+    listening, learner = open_bus(), open_bus()
+    edge = Edge(listening)
     publisher = WeightsPublisher(learner, RUN)
     publisher.publish(blob(1, 0))
     token = AliveToken(learner, "learner", "learner-1")  # makes the edge ask again
     wait_for(lambda: edge.newest == (1, 0), "version 0")
     publisher.publish(blob(1, 1))
     wait_for(lambda: edge.newest == (1, 1), "version 1")
+    size_bytes = len(blob(1, 1).encode())
+    for tally in (
+        learner.traffic.sent(keys.weights(RUN)),
+        listening.traffic.received(keys.weights(RUN)),
+    ):
+        assert (tally.messages, tally.bytes) == (2, 2 * size_bytes)
     del token
 
 
@@ -89,27 +96,63 @@ def test_after_a_restart_the_higher_attempt_wins(open_bus: OpenBus, wait_for: Wa
     del token
 
 
+def test_of_two_learners_that_answer_the_higher_attempt_is_taken(
+    open_bus: OpenBus, wait_for: WaitFor
+) -> None:
+    """One that does not know it was replaced may answer before, and after, the one that replaced it."""
+    learners = [WeightsPublisher(open_bus(), RUN) for _ in range(3)]
+    for learner, newest in zip(learners, (blob(1, 8), blob(2, 5), blob(1, 7)), strict=True):
+        learner.publish(newest)
+    edge = Edge(open_bus())
+
+    def asked() -> bool:
+        edge.subscriber.refresh()
+        return edge.newest == (2, 5)
+
+    wait_for(asked, "attempt 2")
+    assert Edge(open_bus()).newest == (2, 5)  # all three are known to the router by now
+
+
 GOOD = blob(1, 1)
 
 
 @pytest.mark.parametrize(
-    ("header", "payload"),
+    ("header", "payload", "reason"),
     [
-        (b"", GOOD.encode()),
-        (_encode_header(GOOD), GOOD.encode()[:-1]),
-        (_encode_header(GOOD), GOOD.encode() + b"x"),
-        (_encode_header(GOOD), bytes(len(GOOD.encode()))),
-        (_encode_header(GOOD), bytes([*GOOD.encode()[:60], 255, *GOOD.encode()[61:]])),
-        (_encode_header(blob(1, 2)), GOOD.encode()),
-        (_encode_header(GOOD), replace(GOOD, run=UUID(int=8)).encode()),
+        (b"", GOOD.encode(), "header of 0 bytes, expected 9"),
+        (
+            b"\x02" + _encode_header(GOOD)[1:],
+            GOOD.encode(),
+            "header schema 2, this program reads 1",
+        ),
+        (_encode_header(GOOD), GOOD.encode()[:-1], "bytes, a blob with"),
+        (_encode_header(GOOD), GOOD.encode() + b"x", "bytes, a binary policy with"),
+        (_encode_header(GOOD), bytes(len(GOOD.encode())), "starts with"),
+        (_encode_header(GOOD), bytes([*GOOD.encode()[:60], 255, *GOOD.encode()[61:]]), "SHA-256"),
+        (
+            _encode_header(blob(1, 2)),
+            GOOD.encode(),
+            r"version\) \(1, 2\), the policy says otherwise",
+        ),
         (
             _encode_header(GOOD),
-            WeightBlob.random(NetworkSpec(1, 17, 4), np.random.default_rng(0)).encode(),
+            replace(GOOD, run=UUID(int=8)).encode(),
+            "belongs to run 0+-.*8, this",
         ),
-        (_encode_header(GOOD), FloatWeights(SPEC, b"model", np.zeros(4, np.float32)).encode()),
+        (
+            _encode_header(GOOD),
+            WeightBlob.random(NetworkSpec(1, 15, 4), np.random.default_rng(0)).encode(),
+            r"geometry C=1, N=15, .* this edge runs C=1, N=16",
+        ),
+        (
+            _encode_header(GOOD),
+            FloatWeights(SPEC, b"model", np.zeros(4, np.float32)).encode(),
+            "a float policy, this edge runs binary ones",
+        ),
     ],
     ids=[
         "no header",
+        "another schema",
         "truncated",
         "oversized",
         "zeros",
@@ -121,7 +164,7 @@ GOOD = blob(1, 1)
     ],
 )
 def test_what_is_not_this_runs_weights_is_refused_and_counted(
-    open_bus: OpenBus, wait_for: WaitFor, header: bytes, payload: bytes
+    open_bus: OpenBus, wait_for: WaitFor, header: bytes, payload: bytes, reason: str
 ) -> None:
     edge = Edge(open_bus())
     bus = open_bus()
@@ -132,6 +175,7 @@ def test_what_is_not_this_runs_weights_is_refused_and_counted(
         return edge.counters.snapshot().get("weights_refused", 0) > 0
 
     wait_for(refused, "the refusal to be counted")
+    assert re.search(reason, edge.counters.reasons()["weights_refused"])
     assert edge.got == []
     WeightsPublisher(open_bus(), RUN).publish(blob(1, 1))
     edge.subscriber.refresh()

@@ -14,6 +14,7 @@ from bpn_shared.bus import keys
 from bpn_shared.bus.latest import DirectSubscriber
 from bpn_shared.bus.session import Bus
 from bpn_shared.messages.action import Action
+from bpn_shared.messages.decision import Decision
 from bpn_shared.messages.frame import FrameHeader, FrameKind
 from bpn_shared.spec.config import RunConfig
 from bpn_shared.spec.observation import stack
@@ -83,6 +84,35 @@ def test_a_frame_that_comes_again_gets_the_same_action(
     episode = playing.learner.next_delivery()
     assert episode.actions[0] == heard[0].action
     del listener
+
+
+def test_who_watches_is_shown_what_was_decided_and_why(
+    open_bus: OpenBus,
+    scene: Callable[..., Scene],
+    wait_for: Callable[..., None],
+) -> None:
+    playing = scene(CONFIG)
+    learner, blob = playing.learner, playing.blob
+    shown: list[Decision] = []
+    watching = DirectSubscriber(
+        open_bus(),
+        keys.decision(RUN, 0),
+        lambda _a, payload, _t: shown.append(Decision.decode(payload)),
+    )
+    playing.begin()
+    wait_for(lambda: len(shown) >= 3, "three decisions")
+    episodes = {}
+    for decision in shown[:3]:
+        while decision.episode not in episodes:
+            episode = learner.next_delivery()
+            episodes[episode.meta.episode] = episode
+        episode = episodes[decision.episode]
+        assert decision.iteration == episode.meta.iteration
+        assert decision.outputs == episode.outputs[decision.step].tolist()
+        assert decision.scale == pytest.approx(blob.scale)
+        assert (decision.weights_version, decision.time_ns > 0) == (7, True)
+        assert 0 < decision.inference_ns <= decision.edge_ns
+    del watching
 
 
 def test_a_robot_that_begins_again_is_recorded_anew(

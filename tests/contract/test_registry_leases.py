@@ -51,6 +51,19 @@ def test_workers_get_the_oldest_run_and_lose_it_when_it_shall_stop(
     assert idle.work(wait_for).run == second.id
 
 
+def test_a_registry_is_alive_while_its_rounds_go_on(
+    registry: Registry, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    dispatcher = registry.running
+    assert dispatcher is not None
+    assert dispatcher.trouble is None
+    with monkeypatch.context() as late:
+        late.setattr(dispatching, "_SERVED_WITHIN_S", -1.0)
+        assert "a round takes longer" in (dispatcher.trouble or "")
+    registry.end()
+    assert dispatcher.trouble == "its thread has ended"
+
+
 def test_a_finished_run_is_given_to_nobody_even_before_the_registry_has_seen_it(
     registry: Registry, hire: Callable[[Role], Puppet], wait_for: WaitFor
 ) -> None:

@@ -138,6 +138,27 @@ def test_in_realtime_a_robot_without_an_action_holds_and_counts(
     assert (np.diff(times_ns) >= 0.99 * period_ns).all()
 
 
+def test_in_realtime_an_action_that_is_in_time_is_applied(
+    edge: Callable[[RunConfig], EdgeSide], running: Callable[..., Running]
+) -> None:
+    """On a busy machine one may be late: another episode is tried."""
+    running("robot_sim", robot_sim.serve, REALTIME)
+    side, action = edge(REALTIME), (REALTIME.task_spec.hold_action or 0) + 1
+    applied: list[FrameHeader] = []
+    for reset_id in range(5, 15):
+        side.reset(reset_id)
+        for step in range(REALTIME.steps):
+            side.frame(step, reset_id)
+            side.act(action, step, reset_id)
+        side.frame(REALTIME.steps, reset_id)
+        headers = [side.frame(step, reset_id)[0] for step in range(REALTIME.steps + 1)]
+        applied = [header for header in headers if header.applied_action == action]
+        if applied:
+            break
+    assert applied
+    assert all(header.camera_to_action_ns > 0 for header in applied)
+
+
 def test_the_last_frame_is_sent_until_another_episode_begins(
     edge: Callable[[RunConfig], EdgeSide], running: Callable[..., Running]
 ) -> None:

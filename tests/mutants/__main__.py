@@ -40,6 +40,7 @@ def main() -> int:
         "--only", default="", metavar="PART", help="of a module's or a fault's name"
     )
     parser.add_argument("--kind", choices=KINDS, help="only these")
+    parser.add_argument("--tried", action="store_true", help="try nothing: report what was tried")
     parser.add_argument("--anew", action="store_true", help="forget what was tried before")
     parser.add_argument(
         "--results", type=Path, metavar="FILE", help="write what was found, as JSON"
@@ -54,12 +55,13 @@ def main() -> int:
     sampled: list[Record] = []
     with tree() as copy:
         if options.kind != "aimed":
-            for name, module in modules().items():
-                if options.only in name:
-                    sampled += _sampled(copy, module, options.sample, options.seed, known)
+            for module in modules().values():
+                if options.only in module.name:
+                    sampled += _sampled(copy, module, options, known)
         if options.kind != "sampled":
-            chosen = [fault for fault in faults() if options.only in fault.name + fault.file]
-            aimed += [_aimed(copy, fault, known) for fault in chosen]
+            for fault in faults():
+                if options.only in fault.name + fault.file:
+                    aimed.append(_aimed(copy, fault, options, known))
     found = results.document(aimed, sampled, sample=options.sample, seed=options.seed)
     if options.results:
         results.keep(found, options.results)
@@ -86,21 +88,26 @@ def _key(copy: Tree, file: str, what: str, tests: Iterable[str]) -> str:
     return digest.hexdigest()
 
 
-def _aimed(copy: Tree, fault: Fault, known: dict[str, Record]) -> Record:
+def _aimed(
+    copy: Tree, fault: Fault, options: argparse.Namespace, known: dict[str, Record]
+) -> Record:
     key = _key(copy, fault.file, repr(fault), fault.tests)
     if key in known:
         return known[key]
+    if options.tried:
+        return {"what": fault.name, "verdict": "untried", "by": ""}
     by = noticed_by(fault, copy)
     verdict = "noticed" if by else "missed"
     return _keep({"key": key, "what": fault.name, "verdict": verdict, "by": by})
 
 
 def _sampled(
-    copy: Tree, module: Module, count: int, seed: int, known: dict[str, Record]
+    copy: Tree, module: Module, options: argparse.Namespace, known: dict[str, Record]
 ) -> list[Record]:
     excused, found = equivalent(), []
     chosen = {}
-    for mutation in sample(copy.path / module.file, count * module.share, seed):
+    count = options.sample * module.share
+    for mutation in sample(copy.path / module.file, count, options.seed):
         what = f"{module.name}:{mutation.line} {mutation.function}: {mutation.change}"
         key = _key(copy, module.file, what, module.tests)
         reason = excused.get((module.name, mutation.function, mutation.change))
@@ -109,6 +116,8 @@ def _sampled(
             found.append({"what": what, "module": module.name} | verdict)
         elif key in known:
             found.append(known[key])
+        elif options.tried:
+            found.append({"what": what, "module": module.name, "verdict": "untried", "by": ""})
         else:
             chosen[mutation] = key, what
     for mutation, verdict, by in outcomes(copy, module, list(chosen)):

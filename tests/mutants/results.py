@@ -19,8 +19,9 @@ def document(aimed: Sequence[Record], sampled: Sequence[Record], **how: object) 
     for record in sampled:
         of_modules.setdefault(record["module"], Counter())[record["verdict"]] += 1
     total = Counter(record["verdict"] for record in sampled)
-    counted = len(sampled) - total["equivalent"]
+    counted = len(sampled) - total["equivalent"] - total["untried"]
     noticed = [record for record in aimed if record["verdict"] == "noticed"]
+    tried = len([record for record in aimed if record["verdict"] != "untried"])
     return {
         "commit": _commit(),
         "how": how,
@@ -35,10 +36,11 @@ def document(aimed: Sequence[Record], sampled: Sequence[Record], **how: object) 
             "equivalent": {r["what"]: r["by"] for r in sampled if r["verdict"] == "equivalent"},
         },
         "aimed": {
-            "faults": len(aimed), "noticed": len(noticed),
+            "faults": len(aimed), "tried": tried, "noticed": len(noticed),
             "by_verify": sum(record["by"].startswith("bpn verify") for record in noticed),
-            "share": _share(len(noticed), len(aimed)),
-            "by": {record["what"]: record["by"] for record in aimed},
+            "share": _share(len(noticed), tried),
+            "missed": [record["what"] for record in aimed if record["verdict"] == "missed"],
+            "by": {record["what"]: record["by"] for record in noticed},
         },
     }  # fmt: skip
 
@@ -50,13 +52,12 @@ def show(found: dict[str, Any]) -> bool:
         print(f"{name:<32}", ", ".join(f"{n} {verdict}" for verdict, n in counts.items() if n))
     for what in found["sampled"]["survivors"]:
         print("survived ", what)
-    for what, by in found["aimed"]["by"].items():
-        if not by:
-            print("missed   ", what)
+    for what in found["aimed"]["missed"]:
+        print("missed   ", what)
     reached = []
     for name, part, of, target in (
         ("sampled changes", found["sampled"]["total"], "counted", SAMPLED_TARGET),
-        ("aimed faults", found["aimed"], "faults", AIMED_TARGET),
+        ("aimed faults", found["aimed"], "tried", AIMED_TARGET),
     ):
         told = f"{part['noticed']} of {part[of]} noticed, {part['share']:.1%}"
         print(f"{name}: {told} (at least {target:.0%})")
@@ -70,7 +71,8 @@ def keep(found: dict[str, Any], path: Path) -> None:
 
 
 def _counts(counts: Counter[str]) -> dict[str, int]:
-    return {verdict: counts[verdict] for verdict in ("killed", "hung", "survived", "equivalent")}
+    verdicts = ("killed", "hung", "survived", "equivalent", "untried")
+    return {verdict: counts[verdict] for verdict in verdicts}
 
 
 def _share(part: int, of: int) -> float:

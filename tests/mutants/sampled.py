@@ -84,7 +84,7 @@ class _Suite:
         self._tree, self._tests = tree, module.tests
         notes, self._order = tree.path / "notes.json", tree.path / "order.json"
         began_s = time.monotonic()
-        for _ in range(2):
+        for _ in range(3):
             note = ("--note", module.file, str(notes))
             done = tree.pytest(module.tests, _AS_IT_IS_S, *note)
             if done.outcome == "passed":

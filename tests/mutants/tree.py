@@ -17,15 +17,17 @@ from typing import Literal, NamedTuple
 ROOT = Path(__file__).parents[2]
 _LEFT_OUT = shutil.ignore_patterns(".*", "node_modules", "__pycache__", "*.png", "*.egg-info")
 _LEFT_OUT_OF_ROOT = {"build", "runs"}
-_DEADLINE = re.compile(r"waited \d+ s for|Timeout|TimeoutExpired|timed out")
+_DEADLINE = re.compile(r"waited \d+ s for|no episode was delivered|no frame \d|Timeout|timed out")
 LIBRARIES = (
     "_hypothesis_pytestplugin", "_pytest.junitxml", "_pytest.pytester", "alembic.command",
-    "anyio.pytest_plugin", "cv2", "fastapi.testclient", "gymnasium", "httpx", "msgpack", "mujoco",
-    "onnx", "onnxruntime", "prometheus_client", "psutil", "pyarrow", "pydantic", "pytest_timeout",
-    "requests", "rich.console", "safetensors.torch", "schemathesis.pytest.plugin", "scipy.stats",
-    "sqlalchemy.orm", "sqlalchemy.dialects.sqlite", "sympy", "torch", "uvicorn", "websockets", "zenoh",
+    "anyio.pytest_plugin", "cv2", "fastapi.testclient", "gymnasium", "httpx", "msgpack", "onnx",
+    "onnxruntime", "prometheus_client", "psutil", "pyarrow", "pydantic", "pytest_timeout", "requests",
+    "rich.console", "safetensors.torch", "schemathesis.pytest.plugin", "scipy.stats", "sqlalchemy.orm",
+    "sqlalchemy.dialects.sqlite", "sympy", "torch", "uvicorn", "websockets", "zenoh",
 )  # fmt: skip
+"""Loaded before any test; not MuJoCo, which robots have to prepare for."""
 _PASSED, _FAILED, _COLLECTED_BADLY = 0, 1, 2
+_NOT_IMPORTED = "Error while loading conftest"
 _UNBOUNDED_S = 1e6
 
 Outcome = Literal["passed", "failed", "deadline", "timeout", "endless"]
@@ -99,7 +101,8 @@ class Tree:
         if status == _PASSED:
             return Done("passed", cpu_s=used_s)
         said = output.read_text()
-        if status not in (_FAILED, _COLLECTED_BADLY) and status > 0:
+        fails = status in (_FAILED, _COLLECTED_BADLY) or status < 0 or _NOT_IMPORTED in said
+        if not fails:
             raise RuntimeError(said)
         failed = re.search(r"^(?:FAILED|ERROR) (\S+)(.*)", said, re.MULTILINE)
         by, reason = failed.groups() if failed else ("", said[-500:])

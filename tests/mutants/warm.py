@@ -3,8 +3,8 @@
     python -m tests.mutants.warm LIBRARY ...
 
 Each line that it reads is a JSON list: arguments of pytest, path of its output, seconds that it may take, and
-seconds of the processor that it may take. Each that it writes is the exit status (a signal is below 0; null:
-it did not end in time), and the seconds of the processor that it took.
+seconds of the processor that it may take. Each that it writes is the exit status (below 0: a signal; null: it did
+not end in time), and the seconds of the processor that it took.
 """
 
 import contextlib

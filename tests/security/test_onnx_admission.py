@@ -10,6 +10,7 @@ import onnx
 import onnxruntime
 import pytest
 import torch
+from geometries import geometries
 from hypothesis import given
 from hypothesis import strategies as st
 from onnx import ModelProto, TensorProto, helper, numpy_helper
@@ -42,10 +43,7 @@ GOOD = exported()
 
 
 @given(
-    spec=st.builds(
-        NetworkSpec,
-        channels=st.integers(1, 6), nodes=st.integers(1, 64), actions=st.integers(2, 40),
-    ),
+    spec=geometries(range(1, 7), 64, 40),
     seed=st.integers(0, 2**31),
 )  # fmt: skip
 def test_every_export_of_a_learner_is_admitted(spec: NetworkSpec, seed: int) -> None:

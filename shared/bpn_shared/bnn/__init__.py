@@ -1,1 +1,1 @@
-"""The binarized network: its geometry, its reference arithmetic and its weight blob."""
+"""Policies: the reference arithmetic of binarized networks, and weights of either kind as bytes."""

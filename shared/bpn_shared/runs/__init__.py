@@ -1,1 +1,1 @@
-"""The run folder: what a run leaves on disk, and how it is written and read."""
+"""Runs: how one comes to be, what it leaves on disk and how that is written and read, and what several came to."""

@@ -232,6 +232,6 @@ def test_commands_to_copy_are_whole_and_quoted(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     runs_dir = "r ü n"
-    assert main(["runs", "ls", "--runs-dir", runs_dir]) == 2
+    assert main(["runs", "start", "reaching", "--runs-dir", runs_dir]) == 2
     hint = capsys.readouterr().err.split("`")[1]
     assert shlex.split(hint) == ["bpn", "up", "--runs-dir", runs_dir]

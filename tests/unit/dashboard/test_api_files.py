@@ -80,7 +80,7 @@ def test_curves_come_as_json_and_as_binary(client, run) -> None:
 
 
 def test_a_curve_is_as_far_as_the_row_that_was_announced(client, store, context) -> None:
-    store.subscribe(context.ingest.take_in)
+    store.audience.subscribe(context.ingest.take_in)
     row = store.create(RunConfig.for_task("reaching"), actor="test")
     context.ingest.poll()  # it looks for new files again in two seconds
     store.folder(row.id).append_metrics({"iteration": 0, "return_px": -1.5})

@@ -2,13 +2,16 @@
 
 import asyncio
 import re
+import socket
 
 import pytest
 from fastapi.testclient import TestClient
 from starlette.requests import Request
 from starlette.responses import PlainTextResponse
 
+from bpn_dashboard.access.connections import Connections
 from bpn_dashboard.access.guard import Guard
+from bpn_shared.counters import Counters
 
 LIMIT = 100
 
@@ -50,6 +53,45 @@ def test_what_is_no_request_passes_as_it_is() -> None:
     scope = {"type": "lifespan"}
     asyncio.run(Guard(application)(scope, receive, send))
     assert passed == [(scope, receive, send)]
+
+
+def test_a_connection_waits_for_a_request_only_before_one_and_after_its_answer() -> None:
+    """Who waits is ended first when there are too many."""
+    connections = Connections(Counters())
+    ours, theirs = socket.socketpair()
+    peer = ("10.0.0.1", 5000)
+    connection = connections.admit(ours, peer)
+    assert connection is not None
+    waits: list[bool] = []
+
+    def look() -> None:
+        waits.append(peer in connections._waiting_s)
+
+    async def application(_scope, receive, send) -> None:
+        for _ in range(2):
+            await receive()
+            look()
+        await send({"type": "http.response.start", "status": 200, "headers": []})
+        look()
+        await send({"type": "http.response.body", "body": b"x", "more_body": True})
+        look()
+        await send({"type": "http.response.body", "body": b""})
+        look()
+
+    parts = iter([True, False])
+
+    async def receive() -> dict[str, object]:
+        return {"type": "http.request", "body": b"x", "more_body": next(parts)}
+
+    async def send(_message) -> None: ...
+
+    scope = {"type": "http", "method": "GET", "path": "/", "client": peer,
+             "headers": [(b"host", b"localhost"), (b"content-length", b"2")]}  # fmt: skip
+    look()
+    asyncio.run(Guard(application, connections=connections)(scope, receive, send))
+    assert waits == [True, True, False, False, False, True]
+    connection.close()
+    theirs.close()
 
 
 @pytest.mark.parametrize(("size", "status"), [(0, 200), (LIMIT, 200), (LIMIT + 1, 413)])

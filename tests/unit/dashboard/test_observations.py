@@ -9,7 +9,7 @@ def test_it_is_shown_and_told_at_once_and_written_later(store, monkeypatch, capl
     row = store.create(RunConfig.for_task("reaching"), actor="test")
     monkeypatch.setattr(store._database, "writing", full)
     told = []
-    store.subscribe(told.extend)
+    store.audience.subscribe(told.extend)
     for reason in ("room on the disk", "more room on the disk"):
         (seen,) = store.observe({row.id: {"waiting_reason": reason}})
         assert seen.waiting_reason == store.get(row.id).waiting_reason == reason

@@ -215,6 +215,32 @@ def test_an_edge_leaves_the_place_beside_a_robot_to_the_one_that_shares_its_core
     assert filled(book, "edge", "e0", "h/0").slot == 0
 
 
+def test_labels_that_are_equal_come_before_those_that_are_not_told() -> None:
+    book = LeaseBook()
+    book.demand([Demand(A, 2)])
+    filled(book, "learner", "l0")
+    assert filled(book, "robot_sim", "r0").slot == 0  # anywhere
+    assert filled(book, "robot_sim", "r1", "h/1").slot == 1
+    assert filled(book, "edge", "e1", "h/1").slot == 1
+    assert filled(book, "edge", "e0", "h/0").slot == 0
+
+
+def test_a_run_that_has_begun_gets_its_learners_before_an_older_one_begins() -> None:
+    book = LeaseBook()
+    book.demand([Demand(B, 1, 2)])
+    book.appeared(Place(B, "learner", 0), "l0", 0.0)
+    book.demand([Demand(A, 1, 2), Demand(B, 1, 2)])
+    assert ask(book, "learner", "l1", "", 0.0) == Place(B, "learner", 1)
+
+
+def test_a_lease_that_nobody_wants_is_ended_once() -> None:
+    book = LeaseBook()
+    book.demand([Demand(A, 1)])
+    places = [filled(book, role, role) for role in ROLES]
+    book.demand([])
+    assert book.to_release(1000.0) == [(place, place.role) for place in places]
+
+
 def test_nobody_is_moved_for_a_partner_that_is_only_being_restarted() -> None:
     book = LeaseBook()
     book.demand([Demand(A, 1), Demand(B, 1)])

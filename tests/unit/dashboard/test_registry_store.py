@@ -98,7 +98,7 @@ def test_stop_resume_archive_follow_the_rules(store: RunStore) -> None:
 
 def test_listeners_hear_of_every_change_once_it_is_stored(store: RunStore) -> None:
     heard: list[tuple[str, str]] = []
-    store.subscribe(lambda rows: heard.extend((row.id, row.state) for row in rows))
+    store.audience.subscribe(lambda rows: heard.extend((row.id, row.state) for row in rows))
     run = store.create(CONFIG, actor="a").id
     store.observe({run: {"state": "running"}})
     store.observe({run: {"state": "running"}})

@@ -5,6 +5,7 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from bpn_dashboard.series.downsample import bucketize
+from bpn_dashboard.series.statistics import _percentile, _resampled_weights
 from bpn_dashboard.series.statistics import summarize as summarize_runs
 
 matrices = st.integers(1, 12).flatmap(
@@ -122,3 +123,40 @@ def test_confidence_intervals_are_scipys(statistic, oracle, n) -> None:
     for own, scipys in ((curve.low, found.low), (curve.high, found.high)):
         assert (np.abs(own - scipys) < 0.25 * width).all()
         assert abs(np.mean((own - scipys) / width)) < 0.1  # the same resamples serve all
+
+
+@pytest.mark.parametrize("statistic", ["mean", "median", "iqm"])
+def test_a_bootstrap_is_the_same_in_every_dashboard(statistic: str) -> None:
+    """Or a band would change when the page is drawn again."""
+    drawn = _resampled_weights(5, statistic)
+    _resampled_weights.cache_clear()
+    again = _resampled_weights(5, statistic)
+    assert again is not drawn
+    np.testing.assert_array_equal(again, drawn)
+    np.testing.assert_allclose(drawn.sum(axis=1), 1.0)
+
+
+@pytest.mark.parametrize("band", ["std", "sem", "ci95"])
+def test_one_seed_has_no_band(band: str) -> None:
+    curve = summarize(seeds_of([[1.0, 2.0]]), "mean", band)
+    assert curve.value.tolist() == [1.0, 2.0]
+    assert np.isnan([curve.low, curve.high]).all()
+
+
+def test_the_newest_values_are_those_of_the_last_point_up_to_there() -> None:
+    """A bucket's mean and its last value differ; between its points a run keeps its newest."""
+    coarse = bucketize(np.arange(4.0), np.array([1.0, 3.0, 5.0, 9.0]), width=2.0)
+    fine = bucketize(np.arange(4.0), np.array([10.0, 20.0, 30.0, 40.0]))
+    curve = summarize_runs([coarse], [0], "mean", "std")
+    assert (curve.value.tolist(), curve.last.tolist()) == ([2.0, 7.0], [3.0, 9.0])
+    both = summarize_runs([coarse, fine], [0, 1], "mean", "std")
+    assert both.x.tolist() == [0.0, 1.0, 2.0, 3.0]
+    assert both.last[:3].tolist() == [(3 + 10) / 2, (3 + 20) / 2, (9 + 30) / 2]
+    assert both.n.tolist() == [2.0, 2.0, 2.0, 1.0]
+
+
+@given(st.integers(2, 600), st.integers(1, 4), st.floats(0, 0.999), st.integers(0, 2**32))
+def test_percentiles_are_numpys(n: int, rows: int, share: float, seed: int) -> None:
+    ordered = np.sort(np.random.default_rng(seed).normal(size=(rows, n)), axis=1)
+    expected = np.percentile(ordered, 100 * share, axis=1)
+    np.testing.assert_allclose(_percentile(ordered, share), expected, rtol=0, atol=1e-9)

@@ -7,6 +7,7 @@ import pytest
 from bpn_dashboard.access import tokens as module
 from bpn_dashboard.access.tokens import LINK_S, SESSION_S, Tokens, secret_key
 from bpn_dashboard.database.access_tables import TokenRow
+from bpn_dashboard.database.tables import AuditRow
 
 
 @pytest.fixture
@@ -49,6 +50,16 @@ def test_a_link_is_used_up_and_a_token_is_not(tokens) -> None:
     _, token = tokens.issue("token", "ci", "viewer")
     assert [tokens.log_in(link) is not None for _ in range(2)] == [True, False]
     assert [tokens.log_in(token) is not None for _ in range(2)] == [True, True]
+
+
+@pytest.mark.parametrize("kind", ["token", "link"])
+def test_who_logged_in_by_what_is_written_down(tokens, database, kind: str) -> None:
+    tokens.log_in(tokens.issue(kind, "me", "operator", lifetime_s=60)[1])
+    with database.reading() as session:
+        (entry,) = session.query(AuditRow).where(AuditRow.action == "log_in")
+    (made,) = (row for row in rows(database).values() if row.kind == "session")
+    assert (entry.actor, entry.subject) == ("me", made.id)
+    assert entry.detail == {"role": "operator", "by": kind}
 
 
 def test_sessions_and_links_end_when_they_should(tokens, database) -> None:

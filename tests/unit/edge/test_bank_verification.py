@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from geometries import geometries
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -16,12 +17,7 @@ from bpn_shared.bnn.blob import WeightBlob, canonical_thresholds
 from bpn_shared.bnn.envelope import BlobError
 from bpn_shared.spec.network import LAYERS, NetworkSpec
 
-specs = st.builds(
-    NetworkSpec,
-    channels=st.integers(1, 16),
-    nodes=st.integers(1, 130),
-    actions=st.integers(2, 64),
-)
+specs = geometries(range(1, 17), 130, 64)
 INT32 = np.iinfo(np.int32)
 
 

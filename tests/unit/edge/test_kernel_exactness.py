@@ -2,6 +2,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from geometries import geometries
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -24,12 +25,7 @@ from bpn_shared.spec.network import NetworkSpec
 
 PATHS = {path: NativeKernel(path) for path in available_paths()}
 
-specs = st.builds(
-    NetworkSpec,
-    channels=st.sampled_from([1, 3, 6]),
-    nodes=st.integers(1, 256),
-    actions=st.integers(2, 64),
-)
+specs = geometries((1, 3, 6), 256, 64)
 images = st.sampled_from(IMAGES)
 signs = st.sampled_from(SIGNS)
 

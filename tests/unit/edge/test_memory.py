@@ -86,6 +86,12 @@ def test_news_of_a_version_wake_who_waits(memory: WeightMemory) -> None:
     assert memory.wait_newer(0, timeout_s=0)  # it came between the question and the wait
 
 
+def test_the_newest_is_told_by_version_and_by_rank(memory: WeightMemory) -> None:
+    assert (memory.newest, memory.rank) == (None, NO_RANK)
+    memory.offer(replace(BLOBS[2], attempt=5))
+    assert (memory.newest, memory.rank) == (2, (5, 2))
+
+
 def test_a_bank_that_computes_wrongly_is_not_used(
     memory: WeightMemory, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -1,5 +1,6 @@
 """Float policies at the edge; what they should compute is said by ONNX's reference evaluator."""
 
+import contextlib
 import io
 import sys
 from dataclasses import replace
@@ -95,6 +96,18 @@ def test_a_model_that_computes_something_else_is_not_used() -> None:
     assert refused(replace(POLICIES[1], probe_outputs=off_by_little)) == {
         "weights_failed_verification": 1
     }
+
+
+@pytest.mark.parametrize(("share", "passes"), [(9e-4, True), (-9e-4, True), (2e-3, False)])
+def test_a_kernel_may_round_by_a_thousandth_of_the_largest_and_no_more(
+    share: float, passes: bool
+) -> None:
+    policy, kernel = POLICIES[1], OnnxKernel()
+    kernel.load(policy)
+    expected = policy.probe_outputs
+    rounded = expected + np.float32(share * np.abs(expected).max())
+    with contextlib.nullcontext() if passes else pytest.raises(BlobError, match="another P"):
+        verify(kernel, replace(policy, probe_outputs=rounded))
 
 
 @given(st.binary(min_size=1, max_size=500))

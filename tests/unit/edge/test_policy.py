@@ -35,9 +35,12 @@ def test_the_drawn_action_is_where_the_cdf_passes_the_number(
     assert uniform - 1e-12 < cdf[action] or action == len(o) - 1
 
 
+@example(np.array([1, 5, 3, 1, 0], np.int32))  # whose weights are not used up by the number
 @given(outputs)
-def test_a_number_next_to_one_still_gives_an_action(o: np.ndarray) -> None:
-    assert softmax_action(o, 0.1, 1.0, np.nextafter(1, 0)) < len(o)
+def test_a_number_next_to_one_gives_the_last_action_that_is_drawn_at_all(o: np.ndarray) -> None:
+    action = softmax_action(o, 0.1, 1.0, np.nextafter(1, 0))
+    cdf = np.cumsum(softmax_weights(o, 0.1, 1.0))
+    assert action == len(o) - 1 or cdf[action] >= cdf[-1] * (1 - 1e-15 * len(o))
 
 
 @given(outputs, st.floats(0, 1), uniforms)

@@ -4,6 +4,7 @@ from hypothesis import strategies as st
 
 from bpn_edge.recorder import EpisodeRecorder
 from bpn_shared.messages.control import Assignment
+from bpn_shared.messages.episode import EpisodeMeta
 from bpn_shared.messages.frame import NO_ACTION, FrameHeader, FrameKind
 from bpn_shared.spec.observation import frame_indices, stack
 from bpn_shared.spec.tasks import task_named
@@ -11,9 +12,14 @@ from bpn_shared.spec.tasks import task_named
 TASK = task_named("reaching")
 
 
-@given(st.lists(st.integers(0, 13), min_size=1, max_size=30), st.booleans(), st.integers(0, 2**32))
+@given(
+    st.lists(st.integers(0, 13), min_size=1, max_size=30),
+    st.booleans(),
+    st.sampled_from([None, False, True]),
+    st.integers(0, 2**32),
+)
 def test_an_episode_holds_what_was_seen_done_and_computed(
-    actions: list[int], terminated: bool, seed: int
+    actions: list[int], terminated: bool, success: bool | None, seed: int
 ) -> None:
     rng = np.random.default_rng(seed)
     frames = rng.integers(0, 256, (len(actions) + 1, *TASK.frame_shape), dtype=np.uint8)
@@ -26,7 +32,19 @@ def test_an_episode_holds_what_was_seen_done_and_computed(
             kind = FrameKind.TERMINATED if terminated else FrameKind.LAST
         applied = NO_ACTION if step == 0 else actions[step - 1]
         recorder.add_frame(
-            FrameHeader(kind, 4, 2, step, 9, 0, applied, step * 10, step // 2, reward=step / 4),
+            FrameHeader(
+                kind,
+                4,
+                2,
+                step,
+                9,
+                0,
+                applied,
+                step * 10,
+                step // 2,
+                reward=step / 4,
+                success=success if step == len(actions) else None,
+            ),
             frame,
             1000 + step,
         )
@@ -34,17 +52,20 @@ def test_an_episode_holds_what_was_seen_done_and_computed(
         if step < len(actions):
             recorder.add_outputs(outputs[step], step, edge_ns=step)
     assignment = Assignment(
-        verdict="play", iteration=4, episode=2, seed=5, weights_attempt=1, weights_version=4
+        verdict="play", iteration=4, episode=2, seed=5, weights_attempt=1, weights_version=6
     )
-    episode = recorder.finish(assignment, slot=3, worker="edge-3", weights_attempt=1)
+    episode = recorder.finish(assignment, slot=3, worker="edge-3", weights_attempt=8)
     np.testing.assert_array_equal(episode.frames, frames)
     np.testing.assert_array_equal(episode.outputs, outputs)
     assert episode.actions.tolist() == actions
     assert episode.rewards.tolist() == [t / 4 for t in range(1, len(actions) + 1)]
     assert episode.camera_to_action_ns.tolist() == [10 * t for t in range(1, len(actions) + 1)]
-    assert episode.meta.terminated == terminated
-    assert episode.meta.deadline_misses == len(actions) // 2
-    assert episode.meta.duration_ns == len(actions)
+    assert episode.inference_ns.tolist() == list(range(len(actions)))
+    assert episode.meta == EpisodeMeta(
+        iteration=4, episode=2, seed=5, slot=3, worker="edge-3", weights_attempt=8, weights_version=6,
+        terminated=terminated, success=success, deadline_misses=len(actions) // 2,
+        duration_ns=len(actions),
+    )  # fmt: skip
 
 
 @given(

@@ -99,6 +99,7 @@ def test_provenance_and_lambda_go_into_the_blob() -> None:
     network = BinaryNetwork(spec, scale_initial=0.25, generator=torch.Generator().manual_seed(0))
     blob = fold(network, attempt=2, version=7)
     assert (blob.attempt, blob.version) == (2, 7)
+    assert (fold(network).attempt, fold(network).version) == (0, 0)
     assert blob.scale == pytest.approx(0.25)
     assert WeightBlob.decode(blob.encode()).content_sha256() == blob.content_sha256()
     network.log_scale.data.fill_(float("nan"))

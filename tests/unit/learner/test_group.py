@@ -9,6 +9,7 @@ from typing import Any, Literal
 import numpy as np
 import pytest
 import torch
+from geometries import geometries
 from hypothesis import HealthCheck, assume, example, given, settings
 from hypothesis import strategies as st
 from minibatches import (
@@ -101,12 +102,7 @@ def members(request: pytest.FixtureRequest) -> Iterator[Members]:
     max_examples=12, derandomize=True, suppress_health_check=[HealthCheck.function_scoped_fixture]
 )
 @given(
-    spec=st.builds(
-        NetworkSpec,
-        channels=st.integers(1, 6),
-        nodes=st.integers(1, 60),
-        actions=st.integers(2, 20),
-    ),
+    spec=geometries(range(1, 7), 60, 20),
     B=st.integers(2, TRANSITIONS),
     seed=st.integers(0, 1000),
 )

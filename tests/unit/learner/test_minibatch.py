@@ -4,6 +4,7 @@ from collections.abc import Callable
 
 import pytest
 import torch
+from geometries import geometries
 from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 from minibatches import (
@@ -40,12 +41,7 @@ PATHS = available_paths()
 @pytest.mark.parametrize("path", PATHS)
 @settings(max_examples=40, derandomize=True)
 @given(
-    spec=st.builds(
-        NetworkSpec,
-        channels=st.integers(1, 16),
-        nodes=st.integers(1, 130),
-        actions=st.integers(2, 40),
-    ),
+    spec=geometries(range(1, 17), 130, 40),
     B=st.integers(2, TRANSITIONS),
     seed=st.integers(0, 1000),
 )
@@ -84,12 +80,7 @@ def float_margin(network: FloatNetwork, pixels: Tensor) -> float:
 @pytest.mark.parametrize("path", PATHS)
 @settings(max_examples=40, derandomize=True)
 @given(
-    spec=st.builds(
-        NetworkSpec,
-        channels=st.integers(1, 16),
-        nodes=st.integers(1, 130),
-        actions=st.integers(2, 40),
-    ),
+    spec=geometries(range(1, 17), 130, 40),
     B=st.integers(1, TRANSITIONS),
     seed=st.integers(0, 1000),
 )

@@ -115,3 +115,10 @@ def test_gray_frames_are_refused_where_rgb_is_due(task: str) -> None:
 def test_a_task_without_a_reward_is_named() -> None:
     with pytest.raises(RewardError, match="'flying' has no reward"):
         rewards("flying", np.stack([draw((20, 20), (60, 60))] * 2))
+
+
+def test_one_frame_has_no_reward_and_none_are_refused() -> None:
+    first = draw((20, 20), (60, 60))
+    assert reaching_rewards(np.stack([first])).shape == (0,)
+    with pytest.raises(RewardError, match=r"frames are uint8\[0, 1, 84, 84\]"):
+        reaching_rewards(np.stack([first])[:0])

@@ -10,13 +10,17 @@ from typing import Any, NamedTuple
 from uuid import UUID
 
 import pytest
+import torch
 from played import CONFIG, played
+from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
+from torch import Tensor
 
 from bpn_learner import training as training_module
 from bpn_learner.checkpoint import CheckpointError, encode_checkpoint
 from bpn_learner.episodes import DataError
 from bpn_learner.export import export
-from bpn_learner.group import GroupLostError
+from bpn_learner.group import Alone, GroupLostError
+from bpn_learner.handout import MAX_BYTES, take
 from bpn_learner.initial import initial_policy
 from bpn_learner.ledger import EpisodeLedger
 from bpn_learner.reward import episode_rewards
@@ -85,7 +89,12 @@ class Edge:
             thread.join(10)
 
 
-def train(folder: RunFolder, stop_after: int | None = None, edge: Edge | None = None) -> Edge:
+def train(
+    folder: RunFolder,
+    stop_after: int | None = None,
+    edge: Edge | None = None,
+    rendezvous: Any = None,
+) -> Edge:
     """One attempt at a run."""
     edge, stop = edge or Edge(), threading.Event()
 
@@ -98,7 +107,7 @@ def train(folder: RunFolder, stop_after: int | None = None, edge: Edge | None = 
         config = folder.config()
         ledger = EpisodeLedger(config, owner, {"edge-0"}, Waiting(), Counters())
         training = Training(
-            config, owner, ledger, publish=edge.publish, report=report, rendezvous=None,
+            config, owner, ledger, publish=edge.publish, report=report, rendezvous=rendezvous,
             waiting=Waiting(), stop=stop,
         )  # fmt: skip
         with edge.at(ledger):
@@ -395,8 +404,80 @@ def test_updates_that_lose_a_learner_each_time_have_an_end(
     tried = losing(monkeypatch, 1000)
     with pytest.raises(GroupLostError, match="learner-2"):
         train(folder)
-    assert len(tried) == GIVE_UP_AFTER
+    assert len(tried) == GIVE_UP_AFTER == 8
     assert len(folder.metrics()) == INTERRUPTED
+
+
+class Handed(Alone):
+    """A group of one that keeps what is handed out, and hands it on to who takes it."""
+
+    exchange_s = 1.5
+
+    def __init__(self) -> None:
+        self.told: list[Tensor] = []
+
+    def broadcast(self, values: Tensor) -> None:
+        self.told.append(values.clone())
+
+    @contextlib.contextmanager
+    def gathered(self) -> Iterator["Handed"]:
+        yield self
+
+
+class Taking(Handed):
+    def broadcast(self, values: Tensor) -> None:
+        values.copy_(self.told.pop(0))
+
+
+def test_who_shares_an_update_is_told_all_of_it(runs: Runs, folder: RunFolder) -> None:
+    group = Handed()
+    train(folder, stop_after=5, rendezvous=group)
+    assert shas(folder) == shas(runs.whole)[:5]
+    assert folder.metrics()[-1]["exchange_s"] == 1.5
+    assert runs.whole.metrics()[-1]["exchange_s"] == 0.0
+    taking = Taking()
+    taking.told = group.told[:2]
+    network, optimizer = initial_policy(RUN)
+    regression, iteration = take(taking, network, optimizer)  # type: ignore[arg-type]
+    assert iteration == INTERRUPTED
+    assert len(regression.y) == 2 * RUN.episodes * RUN.steps
+    before = runs.whole.weights(INTERRUPTED).content_sha256()
+    assert export(network).content_sha256() == before
+
+
+@pytest.mark.parametrize("size", [0, -1, MAX_BYTES + 1])
+def test_what_cannot_be_an_update_is_not_waited_for(size: int) -> None:
+    taking = Taking()
+    taking.told = [torch.tensor([size])]
+    with pytest.raises(GroupLostError, match=f"tells {size} bytes, at most"):
+        take(taking, *initial_policy(RUN))  # type: ignore[arg-type]
+
+
+def test_tensorboard_gets_the_metrics_if_it_is_asked_for(tmp_path: Path) -> None:
+    for asked in (False, True):
+        config = RunConfig.model_validate(RUN.model_dump() | {"tensorboard": asked})
+        folder = RunFolder.create(tmp_path / str(asked), UUID(int=1), config)
+        train(folder, stop_after=1)
+        assert (folder.path / "tensorboard").exists() == asked
+    told = EventAccumulator(str(folder.path / "tensorboard")).Reload().Scalars("return_px")
+    assert [point.value for point in told] == pytest.approx([folder.metrics()[0]["return_px"]])
+
+
+def test_the_record_of_an_iteration_is_of_its_episodes(runs: Runs) -> None:
+    for iteration, record in enumerate(runs.whole.metrics()):
+        px = runs.whole.rewards()[iteration]
+        assert record["iteration"] == iteration
+        assert record["returns_px"] == pytest.approx([sum(one) for one in px], abs=0.01)
+        assert record["return_px"] == pytest.approx(sum(map(sum, px)) / len(px), abs=0.01)
+        assert record["episodes"] == RUN.episodes
+        assert record["transitions"] == RUN.episodes * RUN.steps
+        assert (record["length"], record["terminated"]) == (RUN.steps, 1)
+        assert (record["attempt"], record["weights_version"]) == (1, iteration + 1)
+        assert record["weights_version_lag"] == 0.0
+        D = min(iteration + 1, RUN.datasets) * record["transitions"]
+        assert record["updates"] == RUN.epochs * -(-D // RUN.batch)
+        assert 0 < record["update_s"] <= record["iteration_s"]
+        assert 0 <= record["collect_s"] <= record["iteration_s"]
 
 
 def test_a_learner_that_was_replaced_publishes_nothing_more(folder: RunFolder) -> None:

@@ -5,6 +5,7 @@ from uuid import UUID
 
 import numpy as np
 import pytest
+from geometries import geometries
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -12,12 +13,7 @@ from bpn_shared.bnn.blob import WeightBlob, encoded_size
 from bpn_shared.bnn.envelope import BlobError
 from bpn_shared.spec.network import NetworkSpec
 
-specs = st.builds(
-    NetworkSpec,
-    channels=st.sampled_from([1, 3, 6]),
-    nodes=st.integers(1, 256),
-    actions=st.integers(2, 64),
-)
+specs = geometries((1, 3, 6), 256, 64)
 blobs = st.builds(
     lambda spec, seed, run, attempt, version: replace(
         WeightBlob.random(spec, np.random.default_rng(seed)),
@@ -93,6 +89,8 @@ def test_layers_are_the_papers() -> None:
         (a.in_size, a.kernel, a.stride, a.out_size, a.weight_shape, a.max_output)
         for a in NetworkSpec(6, 100, 17).layers
     ]
+    names = [layer.name for layer in NetworkSpec(6, 100, 17).layers]
+    assert names == ["conv1", "conv2", "conv3", "fc1", "fc2"]
     assert found == [
         (84, 8, 4, 20, (8, 384), 384 * 255),
         (20, 4, 2, 9, (16, 128), 128),

@@ -1,9 +1,11 @@
+import math
 from itertools import pairwise
-from typing import Any
+from typing import Annotated, Any
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from pydantic import TypeAdapter, ValidationError
 
 from bpn_shared.spec.algorithms import AlgorithmName
 from bpn_shared.spec.config import PRESETS, ConfigError, RunConfig
@@ -229,3 +231,38 @@ def test_the_learning_rate_falls_on_a_line_over_the_run(iterations: int, last: f
     steps = [b - a for a, b in pairwise(shares)]
     assert steps == pytest.approx([(last - 1) / (iterations - 1)] * (iterations - 1))
     assert RunConfig(iterations=1, learning_rate_last=last).learning_rate_share(0) == 1
+
+
+RANGES: dict[str, tuple[float, float]] = {
+    "seed": (0, 2**63 - 1), "frame_channels": (0, 3), "frames_stacked": (0, 16), "frame_skip": (0, 100),
+    "actions": (0, 64), "iterations": (1, 100_000), "episodes": (1, 10_000), "steps": (1, 1000),
+    "epochs": (1, 10_000), "batch": (2, 4096), "datasets": (1, 1000), "nodes": (1, 1024), "learners": (1, 64),
+    "robots": (1, 64), "alpha": (0, 1), "epsilon_initial": (0, 1), "epsilon_final": (0, 1),
+    "learning_rate_final": (0, 1), "learning_rate_last": (0, 1), "action_delay_ms": (0, 2000),
+    # above 0
+    "beta": (math.ulp(0), 1e4), "learning_rate": (math.ulp(0), 1), "scale_initial": (math.ulp(0), 100),
+    "reward_scale": (math.ulp(0), 1000),
+    # below 1
+    "gamma": (0, math.nextafter(1, 0)),
+}  # fmt: skip
+
+
+def test_every_number_has_a_range() -> None:
+    numbers = {name for name, f in RunConfig.model_fields.items() if f.annotation in (int, float)}
+    assert numbers == RANGES.keys()
+
+
+@pytest.mark.parametrize("name", RANGES)
+def test_a_number_may_be_all_of_its_range_and_nothing_else(name: str) -> None:
+    field = RunConfig.model_fields[name]
+    adapter: TypeAdapter[float] = TypeAdapter(Annotated[field.annotation, *field.metadata])
+    low, high = RANGES[name]
+    assert adapter.validate_python(low) == low
+    assert adapter.validate_python(high) == high
+    whole = field.annotation is int
+    below, above = (low - 1, high + 1) if whole else (
+        math.nextafter(low, -math.inf), math.nextafter(high, math.inf)
+    )  # fmt: skip
+    for value in (below, above, math.nan):
+        with pytest.raises(ValidationError):
+            adapter.validate_python(value)

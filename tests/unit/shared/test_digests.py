@@ -80,6 +80,15 @@ def test_any_bytes_are_damage_and_no_other_error(data: bytes) -> None:
             read(data)
 
 
+def test_a_document_is_no_more_than_32_objects_and_lists_deep() -> None:
+    def nested(depth: int) -> bytes:
+        return b'{"a": ' * (depth - 1) + b"{}" + b"}" * (depth - 1)
+
+    assert unseal(nested(32))[1] is False
+    with pytest.raises(DamagedError, match="nested more than 32 deep"):
+        unseal(nested(33))
+
+
 @given(st.binary(max_size=60))
 def test_any_bytes_are_read_or_damage(data: bytes) -> None:
     for read in (unseal, unseal_line):

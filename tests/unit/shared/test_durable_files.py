@@ -76,6 +76,12 @@ def test_a_line_that_does_not_get_to_disk_is_not_half_there(
         raise OSError(errno.ENOSPC, "No space left on device")
 
     monkeypatch.setattr(os, "fsync", full)
-    with pytest.raises(OSError, match="No space left"):
+    with pytest.raises(OSError, match="No space left") as raised:
         append_line(path, b"2")
+    error = raised.value
+    assert (error.errno, error.strerror, error.filename) == (
+        errno.ENOSPC,
+        "No space left on device",
+        str(path),
+    )
     assert path.read_bytes() == b"1\n"

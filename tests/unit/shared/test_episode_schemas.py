@@ -1,5 +1,6 @@
 """Episodes of every schema that there has been stay readable; one that was altered never is."""
 
+import hashlib
 from pathlib import Path
 
 import msgpack
@@ -10,6 +11,8 @@ from hypothesis import strategies as st
 
 from bpn_shared.messages.base import MessageError, OtherVersionError
 from bpn_shared.messages.episode import Episode, EpisodeMeta, decode_meta
+from bpn_shared.messages.episode_form import MAX_BYTES
+from bpn_shared.spec.config import MAX_STEPS
 from bpn_shared.spec.tasks import TASKS
 
 GOLDEN = Path(__file__).parents[2] / "golden" / "episodes"
@@ -82,3 +85,56 @@ def test_an_older_one_without_its_fields_is_refused(schema: int) -> None:
         fewer = {key: value for key, value in fields.items() if key != name}
         with pytest.raises(MessageError, match=name):
             decode_meta(msgpack.packb(fewer))
+
+
+def test_no_more_is_read_than_an_episode_may_have() -> None:
+    assert MAX_BYTES == 48 * 2**20
+    with pytest.raises(MessageError, match=rf"{MAX_BYTES + 1} bytes, the limit is {MAX_BYTES}"):
+        decode_meta(NEWEST + bytes(MAX_BYTES + 1 - len(NEWEST)))
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [{"content": None}, {"content": 3}, {"content": "text"}, {"sha256": None}, {"more": 1}],
+)
+def test_the_newest_is_a_digest_and_a_content_and_nothing_else(changes: dict[str, object]) -> None:
+    told = msgpack.unpackb(NEWEST) | changes
+    fields = {name: value for name, value in told.items() if value is not None}
+    with pytest.raises(MessageError, match="not a digest and a content"):
+        decode_meta(msgpack.packb(fields))
+
+
+@pytest.mark.parametrize(
+    ("content", "reason"),
+    [(b"\xc1", "its content is not msgpack"), (msgpack.packb([1]), "its content is not a map")],
+)
+def test_a_content_that_is_none_is_refused_although_its_digest_is_right(
+    content: bytes, reason: str
+) -> None:
+    digest = hashlib.sha256(content).digest()
+    data = msgpack.packb({"schema": 3, "sha256": digest, "content": content})
+    with pytest.raises(MessageError, match=reason):
+        decode_meta(data)
+
+
+@pytest.mark.parametrize("steps", [0, MAX_STEPS + 1, -1, "3", None])
+def test_the_oldest_has_as_many_steps_as_an_episode_may_have(steps: object) -> None:
+    fields = msgpack.unpackb((GOLDEN / "schema-1.bpne").read_bytes())
+    with pytest.raises(MessageError, match=rf"steps {steps!r} are outside 1\.\.{MAX_STEPS}"):
+        decode_meta(msgpack.packb(fields | {"steps": steps}))
+
+
+@pytest.mark.parametrize("schema", [1, 2])
+@pytest.mark.parametrize("meta", [None, 3, {}])
+def test_an_older_one_that_says_nothing_of_its_end_is_refused(schema: int, meta: object) -> None:
+    fields = msgpack.unpackb((GOLDEN / f"schema-{schema}.bpne").read_bytes())
+    with pytest.raises(MessageError, match="meta says nothing of its end"):
+        decode_meta(msgpack.packb(fields | {"meta": meta}))
+
+
+def test_the_end_of_an_older_one_is_read() -> None:
+    fields = msgpack.unpackb((GOLDEN / "schema-2.bpne").read_bytes())
+    for failed in (False, True):
+        changed = fields | {"meta": fields["meta"] | {"failed": failed}}
+        meta, _ = decode_meta(msgpack.packb(changed))
+        assert (meta.terminated, meta.success) == (failed, None)

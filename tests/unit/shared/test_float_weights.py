@@ -5,6 +5,7 @@ from uuid import UUID
 
 import numpy as np
 import pytest
+from geometries import geometries
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -14,12 +15,7 @@ from bpn_shared.bnn.float_weights import FloatWeights, max_encoded_size, max_mod
 from bpn_shared.bnn.weights import decode_weights, max_weights_bytes, network_kind
 from bpn_shared.spec.network import NetworkSpec
 
-specs = st.builds(
-    NetworkSpec,
-    channels=st.sampled_from([1, 3, 6]),
-    nodes=st.integers(1, 256),
-    actions=st.integers(2, 64),
-)
+specs = geometries((1, 3, 6), 256, 64)
 versions = st.integers(0, 2**32 - 1)
 policies = st.builds(
     lambda spec, model, seed, run, attempt, version: FloatWeights(

@@ -38,6 +38,18 @@ def test_the_configuration_is_kept(folder: RunFolder) -> None:
         folder.config()
 
 
+def test_lines_have_digests_since_schema_2(folder: RunFolder, tmp_path: Path) -> None:
+    """A line without one is damage in a run of today, and all there is in one of schema 1."""
+    (old,) = (Path(__file__).parents[2] / "golden" / "schema-1").iterdir()
+    for _ in range(2):
+        assert folder.has_sealed_lines() is True
+        assert RunFolder(old).has_sealed_lines() is False
+    missing = RunFolder(tmp_path / str(RUNS[1]))
+    assert missing.has_sealed_lines() is True  # not there yet
+    shutil.copytree(old, missing.path)
+    assert missing.has_sealed_lines() is False
+
+
 def test_a_run_that_is_seen_has_all_its_files(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -1,0 +1,27 @@
+"""What an edge says while it has nothing to play."""
+
+from collections.abc import Callable
+
+from learner_side import LearnerSide
+from loop_parts import Running
+
+from bpn_edge import service as edge
+from bpn_shared.bus.session import Bus
+from bpn_shared.messages.control import Assignment
+from bpn_shared.spec.config import RunConfig
+
+CONFIG = RunConfig.for_task("reaching", nodes=16, steps=3)
+
+
+def test_it_waits_for_what_the_learner_says_and_ends_when_that_is_done(
+    open_bus: Callable[[], Bus],
+    running: Callable[..., Running],
+    wait_for: Callable[..., None],
+) -> None:
+    told = [Assignment(verdict="wait", reason="the policy update")]
+    learner = LearnerSide(open_bus(), CONFIG)
+    learner.assignment = lambda: told[-1]  # type: ignore[method-assign]
+    service = running("edge", edge.serve, CONFIG)
+    wait_for(lambda: service.worker.waiting.snapshot()[0] == "the policy update", "the reason")
+    told.append(Assignment(verdict="finished", reason="all iterations are done"))
+    wait_for(lambda: not service.alive, "its end")
