@@ -5,6 +5,7 @@ from collections.abc import Collection
 from importlib.util import find_spec
 
 from bpn.terminal import stdout_for_results
+from bpn_shared import plugins
 from bpn_shared.errors import InputError
 from bpn_shared.messages.probe import ProbeReply, ProbeRequest
 from bpn_shared.runtime.gym_modules import check_allowed
@@ -35,7 +36,7 @@ class ThisMachine:
         return found
 
     def check(self, config: RunConfig) -> None:
-        """See `Workplace.check`: kernel, GPU, TensorBoard, and OpenGL where MuJoCo renders."""
+        """See `Workplace.check`: kernel, GPU, callbacks, and OpenGL where MuJoCo renders."""
         _check_learner(config)
         self.check_playing(config)
 
@@ -82,6 +83,8 @@ def _check_learner(config: RunConfig) -> None:
             "tensorboard = True needs tensorboard, which is not installed: "
             "pip install 'bpn-learner[tensorboard]'"
         )
+    for name in config.callback_names:
+        plugins.find(plugins.CALLBACKS, name)
     if config.device == "cuda":
         from torch.cuda import is_available  # noqa: PLC0415 - it takes seconds to load
 

@@ -32,6 +32,10 @@ ROBOTS = Group("bpn.robots", "robot")
 """Factories of robots; for the robot service."""
 REWARDS = Group("bpn.rewards", "rewards")
 """Functions that compute rewards from frames; for whoever learns from them or judges them."""
+CALLBACKS = Group("bpn.callbacks", "callback")
+"""What is done during training beside it; for the learner."""
+KERNELS = Group("bpn.kernels", "kernel")
+"""What runs policies; for the edge."""
 
 PLOTS = Group("bpn.plots", "plot")
 """How episodes of a task are drawn; for `bpn eval --plot`."""

@@ -13,7 +13,7 @@ def install(
         site: the folder, which is or will be on sys.path.
         groups: for each entry-point group, names and the objects that they mean (`module:object`).
     """
-    folder = site / f"{name}-{version}.dist-info"
+    folder = site / f"{name.replace('-', '_')}-{version}.dist-info"
     folder.mkdir()
     (folder / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: {version}\n")
     lines = [

@@ -23,7 +23,7 @@ from bpn_shared.errors import InputError
 from bpn_shared.runs.folder import RunFolder
 from bpn_shared.runtime.gym_modules import add_gym_modules, allowed_modules
 from bpn_shared.runtime.service import stop_on_signals
-from bpn_shared.spec.config import Kernel, Pacing, RunConfig
+from bpn_shared.spec.config import Pacing, RunConfig
 from bpn_shared.spec.tasks import TaskSpec
 
 _FILMS, _PLOTS = (".mp4", ".gif"), (".png", ".svg", ".pdf")
@@ -39,7 +39,13 @@ def add_options(parser: argparse.ArgumentParser, _arguments: Sequence[str]) -> N
         help="the best action; drawn from the outputs' softmax, as bpn, cvi and dpp train (bqn and dqn do "
         "not); or any (default greedy)",
     )
-    parser.add_argument("--version", type=int, help="weights version (default: the newest)")
+    which = parser.add_mutually_exclusive_group()
+    which.add_argument("--version", type=int, help="weights version (default: the newest)")
+    which.add_argument(
+        "--best",
+        action="store_true",
+        help="the version that was the best in the evaluations during training",
+    )
     parser.add_argument("--seed", type=int, help="of starts and draws (default: the run's)")
     parser.add_argument("--pacing", choices=get_args(Pacing), default="lockstep")
     parser.add_argument(
@@ -49,7 +55,7 @@ def add_options(parser: argparse.ArgumentParser, _arguments: Sequence[str]) -> N
         metavar="MS",
         help="time added between a frame and its action's effect; needs --pacing realtime",
     )
-    parser.add_argument("--kernel", choices=get_args(Kernel), help="default: the run's")
+    parser.add_argument("--kernel", help="an installed one, such as golden (default: the run's)")
     parser.add_argument("--robots", type=int, default=1, help="trials played side by side")
     parser.add_argument("--video", type=Path, metavar="FILE", help="film, " + " or ".join(_FILMS))
     parser.add_argument("--no-bars", action="store_true", help="film without action preferences")
@@ -66,7 +72,8 @@ def run(options: argparse.Namespace) -> int:
     """Plays the trials; exit status 130 if interrupted."""
     folder = RunFolder.open(options.runs_dir, options.run_id)
     trials = _trials(options, folder.config())
-    config, weights = trials.config(folder.config()), _weights(folder, options.version)
+    version = folder.best().version if options.best else options.version
+    config, weights = trials.config(folder.config()), _weights(folder, version)
     video, plot = _media(options, config.task_spec)
     gym_modules = allowed_modules(options.gym_modules)
     ThisMachine(gym_modules).check_playing(config)

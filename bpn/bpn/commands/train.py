@@ -71,6 +71,8 @@ def run(options: argparse.Namespace) -> int:
     if options.json:
         print(json.dumps(summary))
     elif summary["state"] == "finished":
+        if reason := folder.state().error:
+            say(reason)
         last = summary["returns"][-5:]
         say(
             f"finished: mean return of the last {len(last)} iterations "

@@ -61,8 +61,13 @@ class Verification:
         """Everything. Nothing is written.
 
         Raises:
-            ConfigError: the folder holds nothing that could be verified.
+            ConfigError: the folder holds nothing that could be verified, or begins with another run's weights.
         """
+        if self.config.init_from:
+            raise ConfigError(
+                f"{self.folder.path} begins with other weights (init_from = {self.config.init_from!r}): what is "
+                "computed again here follows from the seed"
+            )
         torch.set_num_threads(1)  # as the learner
         policy = self._version(0)
         if policy is None:

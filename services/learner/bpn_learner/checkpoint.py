@@ -72,13 +72,33 @@ def decode_checkpoint(data: bytes, network: nn.Module, optimizer: torch.optim.Op
         CheckpointError: the bytes are damaged, of another network or of another version.
     """
     try:
-        tensors = load(data)
-        _check_metadata(_metadata(data), tensors)
+        tensors = _read(data)
         done = _done(tensors[_ITERATION])
         restore(tensors, network, optimizer)
-    except (SafetensorError, KeyError, ValueError, RuntimeError, OverflowError) as error:
+    except _DAMAGED as error:
         raise CheckpointError(f"{error}; {REMEDY}") from error
     return done
+
+
+def decode_network(data: bytes, network: nn.Module) -> None:
+    """Restores the network alone, in place, from a checkpoint of whatever run.
+
+    Raises:
+        CheckpointError: the bytes are damaged, of another network or of another version.
+    """
+    try:
+        network.load_state_dict(_part(_read(data), _NETWORK))
+    except _DAMAGED as error:
+        raise CheckpointError(str(error)) from error
+
+
+_DAMAGED = (SafetensorError, KeyError, ValueError, RuntimeError, OverflowError, struct.error)
+
+
+def _read(data: bytes) -> dict[str, Tensor]:
+    tensors = load(data)
+    _check_metadata(_metadata(data), tensors)
+    return tensors
 
 
 REMEDY = "remove checkpoint.safetensors to train the run from its beginning, where its episodes count again"

@@ -9,7 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from bpn_learner.checkpoint import REMEDY, CheckpointError, decode_checkpoint
+from bpn_learner.checkpoint import (
+    REMEDY,
+    CheckpointError,
+    decode_checkpoint,
+    decode_network,
+)
 from bpn_learner.episodes import DataError, Scored
 from bpn_learner.export import export
 from bpn_learner.initial import initial_policy
@@ -17,6 +22,7 @@ from bpn_learner.networks import PNetwork
 from bpn_shared.bnn.envelope import BlobError
 from bpn_shared.bnn.weights import Weights
 from bpn_shared.runs.folder import RunFolder
+from bpn_shared.runs.warm_start import FILE as INITIAL
 from bpn_shared.spec.config import RunConfig
 
 log = logging.getLogger(__name__)
@@ -41,7 +47,7 @@ class History:
         Raises:
             CheckpointError: there is a checkpoint, but not one to go on from.
         """
-        network, optimizer = initial_policy(self._config)
+        network, optimizer = self._beginning()
         path = self._folder.checkpoint_path
         try:
             data = self._folder.read_file(path.name)
@@ -61,6 +67,28 @@ class History:
             raise CheckpointError(f"{path} cannot be resumed from: {error}") from error
         network.eval()
         return network, optimizer, done
+
+    def _beginning(self) -> "tuple[PNetwork, Any]":
+        """Network and optimizer before the first update: the network may be another run's."""
+        network, optimizer = initial_policy(self._config)
+        if not self._config.init_from:
+            return network, optimizer
+        run, version, sha256 = self._config.init_from.split(":")
+        path = self._folder.path / INITIAL
+        try:
+            decode_network(self._folder.read_file(path.name), network)
+        except (OSError, CheckpointError) as error:
+            raise CheckpointError(
+                f"{path}, what the run begins with, cannot be read: {error}; start a new run"
+            ) from error
+        network.eval()
+        found = export(network).content_sha256()
+        if found != sha256 and self._config.device == "cpu":
+            raise CheckpointError(
+                f"{path} holds other weights (SHA-256 {found}) than version {version} of run {run}, {sha256}; "
+                "start a new run"
+            )
+        return network, optimizer
 
     def check_policy(self, network: PNetwork, done: int) -> None:
         """Compares a restored network with what the folder says that the last update came to.
@@ -110,7 +138,7 @@ class History:
                     f"episodes of iteration {version} are missing and cannot be played again: {path}: "
                     f"{error}; {REMEDY}"
                 ) from error
-            weights = export(initial_policy(self._config)[0])
+            weights = export(self._beginning()[0])
         told = self._records.get(version - 1, {}).get("weights_sha256")
         if version != 0 and (
             weights.version != version or told not in (None, weights.content_sha256())

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from bpn_learner.checkpoint import CheckpointError
 from bpn_learner.episodes import DataError
+from bpn_learner.evaluations import Evaluations
 from bpn_learner.group import GroupLostError
 from bpn_learner.initial import has_gpu
 from bpn_learner.ledger import EpisodeLedger
@@ -103,19 +104,23 @@ def _train(worker: Worker, owner: Ownership) -> None:
     alive = Alive(worker.bus, "edge")
     ledger = EpisodeLedger(config, owner, alive, worker.waiting, worker.counters)
 
+    evaluations = Evaluations(config, alive, worker.waiting)
+
     def next_episode(body: bytes) -> bytes:
-        return ledger.next(NextEpisode.decode(body)).encode()
+        asked = NextEpisode.decode(body)
+        return (evaluations.next(asked) or ledger.next(asked)).encode()
 
     def episode(body: bytes) -> bytes:
         try:
-            receipt = ledger.receive(body)
+            receipt = evaluations.receive(body) or ledger.receive(body)
         except StorageError as error:
             raise RefusedError(str(error)) from error
         worker.counters.add(EPISODES_STORED, receipt.verdict == "stored")
         return receipt.encode()
 
     def fault(body: bytes) -> bytes:
-        return ledger.fault(Fault.decode(body)).encode()
+        told = Fault.decode(body)
+        return (evaluations.fault(told) or ledger.fault(told)).encode()
 
     def configuration(_body: bytes) -> bytes:
         return config.model_dump_json().encode()
@@ -148,10 +153,17 @@ def _train(worker: Worker, owner: Ownership) -> None:
         report=report,
         waiting=worker.waiting,
         stop=worker.stop,
+        evaluations=evaluations,
+        counters=worker.counters,
     )
     finished = training.run()
     end: State = "finished" if finished else "stopped"
-    insist("the state", lambda: owner.set_state(end), waiting=worker.waiting, stop=worker.stop)
+    insist(
+        "the state",
+        lambda: owner.set_state(end, error=training.ended_early),
+        waiting=worker.waiting,
+        stop=worker.stop,
+    )
     if finished:
         ledger.finish()
         ledger.wait_told(worker.stop, _TELL_S)

@@ -7,13 +7,14 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping
 from functools import partial
-from pkgutil import resolve_name
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from bpn_learner.callbacks import CollectionEnd, EvaluationEnd
+from bpn_learner.callbacks.calling import Callbacks
 from bpn_learner.checkpoint import encode_checkpoint
 from bpn_learner.episodes import Scored, load_episodes
+from bpn_learner.evaluations import Evaluations
 from bpn_learner.export import export
 from bpn_learner.group import ALONE, Group, GroupLostError
 from bpn_learner.handout import hand_out
@@ -30,15 +31,12 @@ from bpn_learner.update import (
     policy_update,
 )
 from bpn_shared.bnn.weights import Weights
-from bpn_shared.runs.folder import RunFolder
+from bpn_shared.counters import Counters
 from bpn_shared.runs.ownership import Ownership
 from bpn_shared.runs.success import share, success_of
-from bpn_shared.spec.config import ConfigError, RunConfig
+from bpn_shared.spec.config import RunConfig
 from bpn_shared.spec.seeds import shuffle_generator
 from bpn_shared.waiting import Waiting
-
-if TYPE_CHECKING:
-    from bpn_learner.events import EventWriter  # an extra: loaded when a run asks for it
 
 log = logging.getLogger(__name__)
 
@@ -59,6 +57,11 @@ class Training:
         report: publishes live progress.
         rendezvous: gathers the other learners for every update; None: there are none.
         stop: ends the training as soon as possible; nothing is lost by it.
+        evaluations: plays what callbacks ask for; None: there is nobody to.
+        counters: `callbacks_failed` is counted here.
+
+    Attributes:
+        ended_early: why the run finished before its last iteration; "": it did not.
     """
 
     def __init__(
@@ -72,6 +75,8 @@ class Training:
         rendezvous: Rendezvous | None,
         waiting: Waiting,
         stop: threading.Event,
+        evaluations: Evaluations | None = None,
+        counters: Counters | None = None,
     ) -> None:
         self._config, self._owner, self._ledger = config, owner, ledger
         self._publish, self._report = publish, report
@@ -79,6 +84,8 @@ class Training:
         self._rendezvous, self._exchange_s = rendezvous, 0.0
         self._history = History(config, owner.folder)
         self._network, self._optimizer, self._done = self._history.load_policy()
+        self._evaluations, self._counters = evaluations, counters or Counters()
+        self.ended_early = ""
         self._data: deque[list[EpisodeData]] = deque(maxlen=config.datasets)  # D
 
     def run(self) -> bool:
@@ -89,6 +96,7 @@ class Training:
 
         Raises:
             CheckpointError: the run folder's checkpoint is unusable.
+            ConfigError: a callback is not installed, or cannot be made.
             DataError: data of an iteration that is done are lost, or others than they were.
             DivergenceError: the loss is no longer finite.
             EpisodeImpossibleError: an episode cannot be had.
@@ -103,31 +111,63 @@ class Training:
 
     def _train(self) -> bool:
         self._restore()
-        events = _event_writer(self._config, self._owner.folder, self._done)
+        callbacks = Callbacks(
+            self._config, self._owner, self._counters, first=self._done, play=self._evaluate
+        )
+        finished = False
+        try:
+            self._iterate(callbacks)
+            finished, self.ended_early = True, callbacks.stopped
+        finally:
+            callbacks.run_end(finished=finished)
+        return finished
+
+    def _iterate(self, callbacks: Callbacks) -> None:
         _, oldest_attempt = self._release(self._done)
         for iteration in range(self._done, self._config.iterations):
+            if callbacks.stopped:
+                log.info("%s", callbacks.stopped)
+                return
             start_s = time.monotonic()
             episodes = self._collect(iteration, oldest_attempt)
             collect_s = time.monotonic() - start_s
             self._take(iteration, episodes)
+            callbacks.collection_end(
+                CollectionEnd(
+                    iteration,
+                    tuple(float(one.rewards.sum()) for one in episodes),
+                    tuple(one.episode.steps for one in episodes),
+                )
+            )
             update = self._update(iteration)
             weights, oldest_attempt = self._release(iteration + 1)
             seconds = {"collect_s": collect_s, "iteration_s": time.monotonic() - start_s}
             record = self._record(iteration, episodes, update, weights) | seconds
+            record |= callbacks.update_end(iteration, record, weights)
+            if self._stop.is_set():  # an evaluation may have been cut short
+                raise UpdateStopped(f"stopped before iteration {iteration} was written down")
             self._insist("metrics", partial(self._owner.append_metrics, record))
-            if events is not None:
-                self._insist("TensorBoard's events", partial(events.write, record))
             # Last: a crash before this line repeats the iteration, to the same result.
             checkpoint = encode_checkpoint(self._network, self._optimizer, iteration + 1)
             self._insist("the checkpoint", partial(self._owner.write_checkpoint, checkpoint))
             self._report(iteration, {k: v for k, v in record.items() if isinstance(v, float)})
-        return True
+
+    def _evaluate(self, iteration: int, weights: Weights, episodes: int) -> EvaluationEnd | None:
+        if self._evaluations is None:
+            raise RuntimeError("there is nobody who would play it")
+        return self._evaluations.play(iteration, weights, episodes, self._stop)
 
     def _insist(self, what: str, write: Callable[[], object]) -> None:
         insist(what, write, waiting=self._waiting, stop=self._stop)
 
     def _restore(self) -> None:
         """The data sets that the next update needs, each with all its episodes."""
+        if self._config.init_from and not self._done:
+            run, version, _ = self._config.init_from.split(":")
+            log.info(
+                "begins with version %s of run %s: its weights, batch-norm statistics and lambda; Adam's moments, "
+                "learning rates and data are this run's own", version, run,
+            )  # fmt: skip
         if self._done:
             self._history.check_policy(self._network, self._done)
             log.info("resumes after %d of %d iterations", self._done, self._config.iterations)
@@ -284,23 +324,3 @@ class Training:
             "weights_version": weights.version,
             "weights_sha256": weights.content_sha256(),
         }
-
-
-def _event_writer(config: RunConfig, folder: RunFolder, first: int) -> "EventWriter | None":
-    """What writes TensorBoard's files, if the run asks for them.
-
-    Raises:
-        ConfigError: TensorBoard is not installed.
-    """
-    if not config.tensorboard:
-        return None
-    try:
-        writer: EventWriter = resolve_name("bpn_learner.events:EventWriter")(
-            folder.path / "tensorboard", config, first
-        )
-    except ModuleNotFoundError as error:
-        raise ConfigError(
-            f"tensorboard = True needs {error.name}, which is not installed: "
-            "pip install 'bpn-learner[tensorboard]'"
-        ) from error
-    return writer

@@ -1,7 +1,8 @@
 """config.json: the configuration of a run, with its schema, who wrote it and a digest.
 
-Schema 1 was the values alone, and in schema 2 the task was a name. Each older schema is migrated to the next one,
-step by step, and what a file does not say is what the program did that wrote it, never what is the default today.
+Schema 1 was the values alone; in schema 2 the task was a name, and there were neither callbacks nor warm starts.
+Each older schema is migrated to the next one, step by step, and what a file does not say is what the program did
+that wrote it, never what is the default today.
 """
 
 from collections.abc import Callable
@@ -173,11 +174,20 @@ def _from_1(values: dict[str, Any]) -> dict[str, Any]:
     return _BEFORE_SCHEMA_2 | values
 
 
+_BEFORE_SCHEMA_3: dict[str, Any] = {
+    "init_from": "",
+    "evaluate_every": 0,
+    "evaluate_episodes": 10,
+    "stop_when": "",
+    "callbacks": "",
+}
+
+
 def _from_2(values: dict[str, Any]) -> dict[str, Any]:
     name = values.get("task")
     if not isinstance(name, str):
         raise InputError(f"task = {name!r} is no name; {_REMEDY}")
-    return values | {"task_spec": task_spec(name, _task_options(values))}
+    return _BEFORE_SCHEMA_3 | values | {"task_spec": task_spec(name, _task_options(values))}
 
 
 def _task_options(values: dict[str, Any]) -> TaskOptions:

@@ -6,6 +6,8 @@
     rewards.jsonl       likewise: the rewards of every step of its episodes, in pixels
     episodes/           every episode as it was delivered, <iteration>-<episode>.bpne
     weights/            every weights version, <version>.bpnw
+    initial.safetensors of a run that begins with another one's weights: that one's checkpoint
+    best.json           the best version in the evaluations during training, if there are any
     checkpoint.safetensors
     logs/               what each service said
 
@@ -23,6 +25,7 @@ from typing import Any, BinaryIO, Self
 from uuid import UUID
 
 from bpn_shared.bnn.weights import Weights, decode_weights
+from bpn_shared.runs.best import Best, decode_best
 from bpn_shared.runs.config_file import (
     config_schema,
     config_writer,
@@ -38,6 +41,8 @@ from bpn_shared.runs.opening import file_names, folder_names, is_run_id, open_fi
 from bpn_shared.runs.ownership import Ownership
 from bpn_shared.runs.state import OVER, STATES, RunState, State, decode_state, encode_state
 from bpn_shared.runs.trash import Trash
+from bpn_shared.runs.warm_start import FILE as INITIAL
+from bpn_shared.runs.warm_start import taken_over
 from bpn_shared.spec.config import ConfigError, RunConfig
 
 __all__ = [
@@ -70,12 +75,19 @@ class RunFolder:
         """Makes the folder of a new run.
 
         Raises:
+            ConfigError: it begins with another run's weights, and they cannot be had.
             FileExistsError: the run exists.
         """
+        initial = b""
+        if config.init_from:
+            source = cls.open(runs_dir, config.init_from.split(":")[0])
+            config, initial = taken_over(config, source)
         folder = cls(runs_dir / str(run))
         folder.path.mkdir(parents=True)
         for part in ("episodes", "weights", "logs"):
             (folder.path / part).mkdir()
+        if initial:
+            folder.write(INITIAL, initial)
         folder.set_state("queued")
         # Last: a folder that has it counts as a run.
         folder.write("config.json", encode_config(config))
@@ -325,6 +337,21 @@ class RunFolder:
             OSError: it is missing, or cannot be read.
         """
         return decode_weights(self.read_file(f"weights/{self.weights_path(version).name}"))
+
+    def best(self) -> Best:
+        """The best version in the evaluations during training.
+
+        Raises:
+            ConfigError: none was evaluated, or the file is damaged.
+        """
+        path = self.path / "best.json"
+        try:
+            data = self.read_file(path.name)
+        except OSError as error:
+            raise ConfigError(
+                f"{path}: {error.strerror}; runs with evaluate_every have it after their first evaluation"
+            ) from error
+        return decode_best(data, source=str(path))
 
     def append_metrics(self, record: Mapping[str, Any], *, prove: Prove = free) -> None:
         """Adds one iteration's record; it is on disk when this returns."""

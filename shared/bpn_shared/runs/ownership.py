@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from bpn_shared.bnn.weights import Weights
+from bpn_shared.runs.best import encode_best
 from bpn_shared.runs.files import remove_unfinished, shut_out_appenders, write_atomically
 from bpn_shared.runs.lock import OwnershipLostError
 from bpn_shared.runs.state import ENDED, RunState, State
@@ -110,6 +111,10 @@ class Ownership:
     def write_checkpoint(self, data: bytes) -> None:
         """Replaces the checkpoint; it is on disk when this returns."""
         self._write(self.folder.checkpoint_path, data)
+
+    def write_best(self, version: int, metric: str, value: float) -> None:
+        """Notes the best version of the policy; it is on disk when this returns."""
+        self._write(self.folder.path / "best.json", encode_best(version, metric, value))
 
     def set_aside(self, path: Path) -> Path:
         """Gives a file that is damaged a name under which nobody looks for it; returns the new path."""

@@ -33,7 +33,7 @@ KERNELS: dict[NetworkKind, tuple[str, ...]] = {
     "binary": ("native", "golden"),
     "float": ("onnx",),
 }
-"""What can run a network at the edge; the first is the default."""
+"""Which of the project's own kernels run a network; the first is the default."""
 
 
 def implied(name: str) -> dict[str, Any]:

@@ -9,15 +9,19 @@ from bpn_shared.spec.algorithms import ALGORITHMS, KERNELS, Algorithm, Algorithm
 from bpn_shared.spec.gym import GymOptions
 from bpn_shared.spec.installed import preset_of, task_spec
 from bpn_shared.spec.network import MAX_NODES, NetworkSpec
+from bpn_shared.spec.stopping import StopRule
 from bpn_shared.spec.tasks import MAX_NAME, NAME_PATTERN, TaskOptions, TaskSpec, is_gym
 
 Pacing = Literal["lockstep", "realtime"]
-Kernel = Literal["native", "golden", "onnx"]
+Kernel = str
+"""Name of an installed kernel."""
 Policy = Literal["softmax", "epsilon_greedy"]
 """How an action is drawn from a network's outputs."""
 Device = Literal["cpu", "cuda"]
 Engine = Literal["fast", "plain"]
 
+CALLBACKS_PATTERN = r"^$|^[A-Za-z0-9][\w.-]*(,[A-Za-z0-9][\w.-]*)*$"
+INIT_FROM_PATTERN = r"^$|^[0-9a-f-]{1,36}(:\d{1,9}(:[0-9a-f]{64})?)?$"
 MAX_STEPS = 1000
 MAX_LEARNERS = 64
 MAX_ACTION_DELAY_MS = 2000.0
@@ -25,6 +29,8 @@ MAX_ACTION_DELAY_MS = 2000.0
 
 _AS_THE_TASK = ("frame_channels", "frames_stacked", "frame_skip", "actions")
 """Options whose 0 is whatever the task has."""
+_OWN_KERNELS = frozenset(name for names in KERNELS.values() for name in names)
+"""Of the others, only the edge that has them can say what they run."""
 
 
 class ConfigError(InputError):
@@ -110,6 +116,38 @@ class RunConfig(TaskOptions):
     tensorboard: Annotated[
         bool, Field(description="also write TensorBoard event files into the run folder")
     ] = False
+    init_from: Annotated[
+        str,
+        Field(
+            max_length=200,
+            pattern=INIT_FROM_PATTERN,
+            description="run whose newest weights it begins with, RUN[:VERSION]; kept with their SHA-256",
+        ),
+    ] = ""
+    evaluate_every: Annotated[
+        int,
+        Field(
+            ge=0,
+            le=100_000,
+            description="iterations from one evaluation to the next, greedy episodes that are no data, of which "
+            "the best policy is noted; 0: none",
+        ),
+    ] = 0
+    evaluate_episodes: Annotated[
+        int, Field(ge=1, le=1000, description="episodes of an evaluation during training")
+    ] = 10
+    stop_when: Annotated[
+        str,
+        Field(max_length=100, description="end early once this holds: 'eval_return >= 475'"),
+    ] = ""
+    callbacks: Annotated[
+        str,
+        Field(
+            max_length=200,
+            pattern=CALLBACKS_PATTERN,
+            description="installed callbacks, separated by commas: what else is done during training",
+        ),
+    ] = ""
 
     robots: Annotated[int, Field(ge=1, le=64, description="slots: robots, each with its edge")] = 1
     pacing: Annotated[
@@ -125,7 +163,11 @@ class RunConfig(TaskOptions):
     ] = 0.0
     kernel: Annotated[
         Kernel,
-        Field(description="what runs the policy at the edge; native, golden: binary, onnx: float"),
+        Field(
+            max_length=60,
+            pattern=r"^[A-Za-z0-9][\w.-]*$",
+            description="what runs the policy at the edge; native, golden: binary, onnx: float; or your own",
+        ),
     ] = "native"
 
     @model_validator(mode="before")
@@ -169,7 +211,7 @@ class RunConfig(TaskOptions):
     @model_validator(mode="after")
     def _fits_algorithm(self) -> Self:
         kernels = KERNELS[self.algorithm_spec.network]
-        if self.kernel not in kernels:
+        if self.kernel in _OWN_KERNELS and self.kernel not in kernels:
             raise ValueError(
                 f"kernel = {self.kernel!r} does not run the network of {self.algorithm!r}, which is "
                 f"{self.algorithm_spec.network}; one of: {', '.join(kernels)}"
@@ -187,6 +229,12 @@ class RunConfig(TaskOptions):
                 f"learners = {self.learners} with batch = {self.batch}: a minibatch is shared by all of them, "
                 "so it needs at least as many transitions"
             )
+        return self
+
+    @model_validator(mode="after")
+    def _possible_stop(self) -> Self:
+        if self.stop_when:
+            StopRule.parse(self.stop_when)
         return self
 
     @model_validator(mode="after")
@@ -210,6 +258,17 @@ class RunConfig(TaskOptions):
     def policy(self) -> Policy:
         """What data are collected with: CVI's policy is its softmax, DQN explores epsilon-greedily."""
         return "softmax" if self.algorithm_spec.update == "cvi" else "epsilon_greedy"
+
+    @property
+    def callback_names(self) -> tuple[str, ...]:
+        """The callbacks of the training, in the order in which they are called; each once."""
+        names = [
+            *(["evaluation", "best"] if self.evaluate_every else []),
+            *filter(None, self.callbacks.split(",")),
+            *(["early_stop"] if self.stop_when else []),
+            *(["tensorboard"] if self.tensorboard else []),
+        ]
+        return tuple(dict.fromkeys(names))
 
     def epsilon(self, iteration: int) -> float:
         """Share of uniformly random actions in an iteration: 0 for CVI, whose policy is stochastic.

@@ -71,6 +71,19 @@ def test_a_run_of_a_task_that_is_not_installed_here_shows(client, store) -> None
     )
 
 
+def test_what_a_run_cannot_begin_with_is_refused_and_leaves_nothing(client, store) -> None:
+    source = create(client)["id"]
+    for name, reason in ((source, "has no checkpoint yet"), ("00ff", "no run in")):
+        config = {"task": "reaching", "init_from": name}
+        answer = client.post("/api/v1/runs", json={"config": config})
+        assert answer.status_code == 422
+        assert reason in answer.text
+    assert client.get("/api/v1/runs").json()["total"] == 1
+    assert [
+        path.name for path in store.runs_dir.iterdir() if path.is_dir() and path.name[0] != "."
+    ] == [source]
+
+
 def test_annotations_need_the_etag_that_was_seen(client) -> None:
     url = f"/api/v1/runs/{create(client)['id']}"
     assert client.patch(url, json={"notes": "n"}).status_code == 428

@@ -1,82 +1,33 @@
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from geometries import geometries
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from bpn.testing import check_kernel
+from bpn.testing.kernel import (
+    IMAGES,
+    SIGNS,
+    assert_exact,
+    make_image,
+    with_edge_thresholds,
+    with_signs,
+    with_ties,
+)
+from bpn_edge.kernel import Kernel
+from bpn_edge.kernel.golden import GoldenKernel
 from bpn_edge.kernel.native import NativeKernel, available_paths
-from bpn_shared.bnn import golden
-from bpn_shared.bnn.blob import WeightBlob
-from bpn_shared.spec.network import Layer, NetworkSpec
+from bpn_shared.bnn.blob import Parameters, WeightBlob
+from bpn_shared.bnn.golden import Integers, Observation
+from bpn_shared.spec.network import NetworkSpec
 
-INT32 = np.iinfo(np.int32)
 PATHS = {path: NativeKernel(path) for path in available_paths()}
 
 specs = geometries((1, 3, 6), 256, 64)
-images = st.sampled_from(["random", "zeros", "full", "black and white"])
-signs = st.sampled_from(["random", "random", "all +1", "all -1"])
-
-
-def make_image(kind: str, spec: NetworkSpec, rng: np.random.Generator) -> npt.NDArray[np.uint8]:
-    shape = spec.observation_shape
-    if kind == "random":
-        return rng.integers(0, 256, shape, dtype=np.uint8)
-    if kind == "black and white":
-        return rng.choice(np.array([0, 255], np.uint8), shape)
-    return np.full(shape, 255 if kind == "full" else 0, np.uint8)
-
-
-def with_edge_thresholds(blob: WeightBlob, rng: np.random.Generator) -> WeightBlob:
-    """Puts about half of the thresholds at or beyond the ends of what o and int32 can reach."""
-
-    def edges(layer: Layer, tau: npt.NDArray[np.int32]) -> npt.NDArray[np.int32]:
-        most = layer.max_output
-        ends = (INT32.min, INT32.min + 1, -most - 1, -most, -most + 1, most, most + 1, INT32.max)
-        return np.where(
-            rng.random(tau.shape) < 0.5, rng.choice(np.array(ends, np.int32), tau.shape), tau
-        ).astype(np.int32)
-
-    thresholds = zip(blob.spec.layers[:-1], blob.thresholds, strict=True)
-    return replace(blob, thresholds=tuple(edges(layer, tau) for layer, tau in thresholds))
-
-
-def with_ties(
-    blob: WeightBlob, image: npt.NDArray[np.uint8], layer: int, rng: np.random.Generator
-) -> WeightBlob:
-    """Puts each threshold of a layer at an o that occurs in its channel, or one beside it."""
-    o = golden.forward(blob, image)[layer]
-    by_channel = o.reshape(-1, o.shape[-1])
-    occurring = by_channel[rng.integers(len(by_channel)), :]
-    thresholds = list(blob.thresholds)
-    thresholds[layer] = (occurring + rng.integers(-1, 2, occurring.shape)).astype(np.int32)
-    return replace(blob, thresholds=tuple(thresholds))
-
-
-def with_signs(blob: WeightBlob, kinds: list[str]) -> WeightBlob:
-    constants = {"all +1": 1, "all -1": -1}
-    weights = (
-        np.full_like(w, constants[kind]) if kind in constants else w
-        for kind, w in zip(kinds, blob.weights, strict=True)
-    )
-    return replace(blob, weights=tuple(weights))
-
-
-def assert_exact(kernel: NativeKernel, blob: WeightBlob, image: npt.NDArray[np.uint8]) -> None:
-    """Every activation of every layer and every output equal the reference's."""
-    *inner, outputs = golden.forward(blob, image)
-    kernel.load(blob)
-    activations, traced = kernel.trace(image)
-    for layer, o, tau, bits in zip(
-        blob.spec.layers, inner, blob.thresholds, activations, strict=False
-    ):
-        np.testing.assert_array_equal(bits, (o >= tau).reshape(-1), f"{kernel.path} {layer.name}")
-    np.testing.assert_array_equal(traced, outputs, kernel.path)
-    result = kernel.run(image)
-    assert result.dtype == np.int32
-    np.testing.assert_array_equal(result, outputs, kernel.path)
+images = st.sampled_from(IMAGES)
+signs = st.sampled_from(SIGNS)
 
 
 @settings(max_examples=1000, deadline=None)
@@ -134,3 +85,66 @@ def test_the_largest_sums_of_conv1_do_not_saturate(path: str) -> None:
 def test_a_portable_path_is_always_there_and_comes_last() -> None:
     assert available_paths()[-1] == "portable"
     assert NativeKernel().path == available_paths()[0]
+
+
+@pytest.mark.parametrize("path", [*PATHS, None])
+def test_our_own_kernels_pass_what_others_are_held_to(path: str | None) -> None:
+    check_kernel(GoldenKernel() if path is None else NativeKernel(path), networks=30)
+
+
+class Saturating(GoldenKernel):
+    """Computes in 16 bits."""
+
+    def run(self, observation: Observation) -> Integers:
+        return super().run(observation).clip(-100, 100)
+
+
+class Forgetful(GoldenKernel):
+    """Has one buffer for its outputs."""
+
+    buffer: Integers | None = None
+
+    def run(self, observation: Observation) -> Integers:
+        outputs = super().run(observation)
+        if self.buffer is None or self.buffer.shape != outputs.shape:
+            self.buffer = outputs
+        self.buffer[:] = outputs
+        return self.buffer
+
+
+class Reversed(GoldenKernel):
+    """Keeps its thresholds in another order."""
+
+    def read_back(self) -> Parameters:
+        return {name: values[::-1] for name, values in super().read_back().items()}
+
+
+class Careless(GoldenKernel):
+    """Takes any picture."""
+
+    def run(self, observation: Observation) -> Integers:
+        assert self._blob is None or observation.ndim == 3
+        shape = None if self._blob is None else self._blob.spec.observation_shape
+        return super().run(
+            observation if shape is None else np.resize(observation, shape).astype(np.uint8)
+        )
+
+
+class Wrong(NativeKernel):
+    """Traces another layer."""
+
+    def trace(self, observation: Observation) -> tuple[tuple[Observation, ...], Integers]:
+        activations, outputs = super().trace(observation)
+        return (1 - activations[0], *activations[1:]), outputs
+
+
+@pytest.mark.parametrize(("kernel", "what"), [
+    (Saturating(), r"run\(\)"),
+    (Forgetful(), "overwrites outputs"),
+    (Reversed(), r"read_back\(\), (weights|thresholds)"),
+    (Careless(), r"run\(\) of float32.* does not raise ValueError"),
+    (Wrong(), r"trace\(\), conv1"),
+])  # fmt: skip
+def test_faults_of_a_kernel_are_named(kernel: Kernel, what: str) -> None:
+    with pytest.raises(AssertionError, match=f"kernel '(golden|native)'.*{what}"):
+        check_kernel(kernel, networks=8)

@@ -188,7 +188,9 @@ DEFAULTS: dict[str, Any] = {
     "relative_targets": False, "epsilon_initial": 1.0, "epsilon_final": 0.05, "nodes": 100,
     "learning_rate": 1e-3, "learning_rate_final": 0.02, "learning_rate_last": 0.1,
     "scale_initial": 0.2, "reward_scale": 0.1, "engine": "fast", "learners": 1, "device": "cpu",
-    "tensorboard": False, "robots": 1, "pacing": "lockstep", "action_delay_ms": 0.0, "kernel": "native",
+    "tensorboard": False, "init_from": "",
+    "evaluate_every": 0, "evaluate_episodes": 10, "stop_when": "", "callbacks": "",
+    "robots": 1, "pacing": "lockstep", "action_delay_ms": 0.0, "kernel": "native",
 }  # fmt: skip
 _FRAMED = {
     "frame_channels": 3,

@@ -2,15 +2,25 @@
 
 import numpy as np
 import numpy.typing as npt
-import onnxruntime
 
-from bpn_edge.kernel.onnx_admission import admit
 from bpn_edge.kernel.protocol import OutputError, checksum_of, not_loaded
 from bpn_shared.bnn.blob import Parameters
 from bpn_shared.bnn.envelope import BlobError
 from bpn_shared.bnn.float_weights import FloatWeights
 from bpn_shared.bnn.golden import Observation, check_observation
 from bpn_shared.bnn.weights import Weights
+from bpn_shared.spec.config import ConfigError
+
+try:
+    import onnxruntime
+
+    from bpn_edge.kernel.onnx_admission import admit
+except ModuleNotFoundError as error:
+    raise ConfigError(
+        f"kernel 'onnx' needs {error.name}, which is not installed: pip install 'bpn-edge[float]' "
+        "for float policies, or choose algorithm bpn or bqn"
+    ) from error
+
 
 _INPUT = "pixels"
 _FATAL_ONLY = 4

@@ -1,5 +1,7 @@
 /** What the metrics are called, their units, and which of them a run's page opens with (docs/metrics.md). */
 
+import type { Config } from './api/types';
+
 export interface Metric {
   name: string;
   title: string;
@@ -20,6 +22,19 @@ const KNOWN: Metric[] = [
     unit: '',
     about: 'mean over episodes of the sum of rewards, in the environment’s own unit',
   },
+  {
+    name: 'eval_return',
+    title: 'Return, evaluated',
+    unit: '',
+    about: 'mean over greedy episodes that nothing is learned from, in the return’s unit',
+  },
+  {
+    name: 'eval_success',
+    title: 'Success, evaluated',
+    unit: 'share',
+    about: 'of those greedy episodes, as the task or its environment defines it',
+  },
+  { name: 'eval_s', title: 'Evaluation time', unit: 's', about: 'beside the iteration’s time' },
   {
     name: 'length',
     title: 'Episode length',
@@ -142,6 +157,12 @@ export function returnOf(...returns: string[]): Metric {
 export function principalOf(...metrics: string[]): string[] {
   const returns = metrics.length > 0 ? metrics : ['return_px'];
   return [...new Set(returns), ...AFTER_RETURN];
+}
+
+/** What the page of a run that is evaluated during training opens with too. */
+export function evaluatedOf(task: string, config: Config): string[] {
+  if (!config.evaluate_every) return [];
+  return task.startsWith('gym:') ? ['eval_return'] : ['eval_return', 'eval_success'];
 }
 
 /** Title and unit of a metric; of an unknown one, the unit is read off the end of its name. */

@@ -3,7 +3,7 @@ import { asProblem, Problem, problemOf } from './api/problem';
 import { Keyboard } from './keyboard';
 import { onReconnect } from './live/reconnect';
 import type { ConnectionStatus } from './live/client';
-import { metricNamed, principalOf, returnOf } from './metrics';
+import { evaluatedOf, metricNamed, principalOf, returnOf } from './metrics';
 import { Value } from './observable';
 import { tokenIn } from './session';
 import { Toasts } from './toasts';
@@ -124,4 +124,10 @@ test('returns are in pixels unless a Gymnasium environment is among the tasks', 
   expect(returnOf('return_px', 'return').unit).toBe('');
   expect(principalOf('return', 'return')[0]).toBe('return');
   expect(principalOf('return')).not.toContain('return_px');
+});
+
+test('a run that is evaluated opens with its evaluations, of success where tasks define it', () => {
+  expect(evaluatedOf('reaching', { evaluate_every: 0 })).toEqual([]);
+  expect(evaluatedOf('reaching', { evaluate_every: 5 })).toEqual(['eval_return', 'eval_success']);
+  expect(evaluatedOf('gym:CartPole-v1', { evaluate_every: 5 })).toEqual(['eval_return']);
 });

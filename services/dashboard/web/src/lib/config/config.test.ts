@@ -19,6 +19,7 @@ const SCHEMA: ConfigSchema = {
       env_kwargs: { type: 'string', default: '' },
       crop: { type: 'string', default: '' },
       difference: { type: 'boolean', default: false },
+      stop_when: { type: 'string', default: '' },
       invented_later: { type: 'integer', default: 1 },
     },
   },
@@ -53,6 +54,11 @@ test.each([
   ['mask_terminals', 'yes', 'must be true or false'],
   ['algorithm', 'dqn', 'must be one of bpn, bqn'],
 ])('%s = %s %s', (key, text, wrong) => expect(parseValue(field(key), text)).toEqual({ wrong }));
+
+test('a text may be taken out where none is the default', () => {
+  expect(parseValue(field('stop_when'), ' ')).toEqual({ value: '' });
+  expect(parseValue(field('task'), ' ')).toEqual({ wrong: 'must not be empty' });
+});
 
 test('what a number prints as is read back', () => {
   fc.assert(

@@ -37,7 +37,11 @@ const OF_GYM = [
 /* What belongs together; keys that are not named here come last, so that a new one is never missing. */
 const SECTIONS: { title: string; open: boolean; keys: string[] }[] = [
   { title: 'Environment', open: false, keys: OF_GYM },
-  { title: 'Run', open: true, keys: ['seed', 'iterations', 'nodes', 'alpha', 'beta', 'robots'] },
+  {
+    title: 'Run',
+    open: true,
+    keys: ['seed', 'iterations', 'nodes', 'alpha', 'beta', 'robots', 'init_from'],
+  },
   {
     title: 'Data of an iteration',
     open: false,
@@ -56,6 +60,11 @@ const SECTIONS: { title: string; open: boolean; keys: string[] }[] = [
       'learning_rate_last',
       'scale_initial',
     ],
+  },
+  {
+    title: 'Evaluation, early end, callbacks',
+    open: false,
+    keys: ['evaluate_every', 'evaluate_episodes', 'stop_when', 'callbacks', 'tensorboard'],
   },
   { title: 'Exploration of BQN', open: false, keys: ['epsilon_initial', 'epsilon_final'] },
 ];
