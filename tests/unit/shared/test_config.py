@@ -261,7 +261,6 @@ RANGES: dict[str, tuple[float, float]] = {
     "max_over_frames": (1, 100), "action_bins": (0, 64),
     "actions": (0, 64), "iterations": (1, 100_000), "episodes": (1, 10_000), "steps": (1, 1000),
     "epochs": (1, 10_000), "batch": (2, 4096), "datasets": (1, 1000), "nodes": (1, 1024), "learners": (1, 64),
-    "max_over_frames": (1, 100), "action_bins": (0, 64),
     "robots": (1, 64), "alpha": (0, 1), "epsilon_initial": (0, 1), "epsilon_final": (0, 1),
     "learning_rate_final": (0, 1), "learning_rate_last": (0, 1), "action_delay_ms": (0, 2000),
     # above 0
