@@ -1,9 +1,11 @@
 """Evaluations during training: between two iterations, edges are given trials in place of episodes."""
 
 import threading
-from collections.abc import Container
+import time
+from collections.abc import Callable, Container
 
 from bpn_learner.callbacks import EvaluationEnd
+from bpn_learner.ledger import PROVE_S
 from bpn_learner.reward import episode_rewards
 from bpn_learner.trials import EVALUATION, Trials
 from bpn_shared.bnn.weights import Weights
@@ -24,10 +26,22 @@ STREAM = 2**32 - 1
 
 
 class Evaluations:
-    """At most one evaluation at a time. `play` belongs to the thread that trains, all else to any."""
+    """At most one evaluation at a time. `play` belongs to the thread that trains, all else to any.
 
-    def __init__(self, config: RunConfig, alive: Container[str], waiting: Waiting) -> None:
+    Args:
+        prove: raises if the run is another learner's now, whom edges shall ask.
+    """
+
+    def __init__(
+        self,
+        config: RunConfig,
+        alive: Container[str],
+        waiting: Waiting,
+        *,
+        prove: Callable[[], object],
+    ) -> None:
         self._config, self._alive, self._waiting = config, alive, waiting
+        self._prove = prove
         self._now: Trials | None = None
 
     def play(
@@ -36,7 +50,9 @@ class Evaluations:
         """Waits for greedy episodes with the weights; None if stopped before.
 
         Raises:
-            RuntimeError: one of them cannot be played, or its rewards cannot be told.
+            RuntimeError: one of them cannot be played.
+            InputError: the rewards of one cannot be told.
+            OwnershipLostError: another learner has taken the run over.
         """
         trials = Trials(
             self._config,
@@ -49,9 +65,13 @@ class Evaluations:
         self._now = trials
         try:
             self._waiting.set(f"{episodes} episodes that evaluate iteration {iteration}")
+            prove_at_s = time.monotonic() + PROVE_S
             while not trials.over.wait(0.2):  # bounded, so that `stop` is seen
                 if stop.is_set():
                     return None
+                if time.monotonic() > prove_at_s:
+                    self._prove()
+                    prove_at_s = time.monotonic() + PROVE_S
         finally:
             self._now = None
             self._waiting.done()

@@ -10,10 +10,10 @@ import statistics
 import threading
 import time
 from collections.abc import Callable, Container
-from dataclasses import dataclass
 
 from bpn_learner.episodes import EpisodeError, Scored, load_episodes, score
-from bpn_learner.refusals import Refusals
+from bpn_learner.lease import Lease
+from bpn_learner.refusals import EpisodeImpossibleError, Refusals
 from bpn_learner.storage import StorageError, trouble
 from bpn_shared.counters import Counters
 from bpn_shared.messages.base import MessageError, OtherVersionError
@@ -33,20 +33,9 @@ from bpn_shared.waiting import Waiting
 
 log = logging.getLogger(__name__)
 
-LEASE_S = 60.0
-"""Grace on top of the time that an episode takes in realtime pacing."""
 PROVE_S = 1.0
 """How often who waits for episodes looks whether the run is still its own."""
 _MAX_REASON = 400
-
-
-@dataclass(frozen=True, slots=True)
-class Lease:
-    """Who plays an episode, and until when that is believed."""
-
-    slot: int
-    worker: str
-    expires_s: float
 
 
 class EpisodeLedger:
@@ -69,7 +58,6 @@ class EpisodeLedger:
     ) -> None:
         self._config, self._owner, self._alive = config, owner, alive
         self._waiting, self._counters = waiting, counters
-        self._lease_s = LEASE_S + config.steps * config.task_spec.control_period_s
         self._changed = threading.Condition()
         self._iteration = -1
         self._oldest_attempt = 0
@@ -79,7 +67,7 @@ class EpisodeLedger:
         self._stored: dict[int, Scored] = {}
         self._leases: dict[int, Lease] = {}
         self._lags: list[int] = []
-        self._refusals = Refusals(-1)
+        self._refusals = Refusals()
         self._obstacle = ""
         self._failure: Exception | None = None
         self.redelivered = 0
@@ -101,7 +89,7 @@ class EpisodeLedger:
             self._iteration, self._oldest_attempt = iteration, oldest_attempt
             self._stored, self._leases = stored, {}
             self._lags = []
-            self._refusals, self._obstacle = Refusals(iteration), ""
+            self._refusals, self._obstacle = Refusals(), ""
             self._collecting = True
             self._changed.notify_all()
 
@@ -165,7 +153,7 @@ class EpisodeLedger:
                 return Assignment(verdict="finished", reason="all iterations are done")
             if not self._collecting:
                 return Assignment(verdict="wait", reason="the policy update")
-            lease = Lease(asked.slot, asked.worker, time.monotonic() + self._lease_s)
+            lease = Lease.begin(asked, self._config)
             in_hand = self._in_hand(asked)
             if in_hand is not None:
                 self._leases[in_hand] = lease
@@ -202,9 +190,7 @@ class EpisodeLedger:
 
     def _held(self, episode: int) -> bool:
         lease = self._leases.get(episode)
-        return (
-            lease is not None and lease.worker in self._alive and time.monotonic() < lease.expires_s
-        )
+        return lease is not None and lease.holds(self._alive)
 
     def receive(self, data: bytes) -> EpisodeReceipt:
         """Takes a delivered episode: on disk when this returns "stored".
@@ -296,5 +282,8 @@ class EpisodeLedger:
         with self._changed:
             missing = episode < self._config.episodes and episode not in self._stored
             if iteration == self._iteration and self._collecting and missing:
-                self._failure = self._failure or self._refusals.add(episode, reason)
+                why = self._refusals.add(episode, reason)
+                if why is not None and self._failure is None:
+                    which = f"episode ({iteration}, {episode})"
+                    self._failure = EpisodeImpossibleError(f"{which} cannot be had: {why}")
                 self._changed.notify_all()

@@ -18,14 +18,13 @@ class _Tally:
 
 
 class Refusals:
-    """Of one iteration's episodes: how often each was refused, and why."""
+    """Of one iteration's episodes, or one evaluation's: how often each was refused, and why."""
 
-    def __init__(self, iteration: int) -> None:
-        self._iteration = iteration
+    def __init__(self) -> None:
         self._tallies: dict[int, _Tally] = {}
 
-    def add(self, episode: int, reason: str) -> EpisodeImpossibleError | None:
-        """Counts a refusal; returns the error once another try makes no sense."""
+    def add(self, episode: int, reason: str) -> str | None:
+        """Counts a refusal; returns what has come of all of them once another try makes no sense."""
         tally = self._tallies.setdefault(episode, _Tally())
         tally.in_a_row = tally.in_a_row + 1 if reason == tally.reason else 1
         tally.in_all += 1
@@ -35,6 +34,4 @@ class Refusals:
         times = f"{tally.in_a_row} times in a row"
         if tally.in_a_row < SAME_REASON:
             times = f"the last of {tally.in_all} refusals"
-        return EpisodeImpossibleError(
-            f"episode ({self._iteration}, {episode}) cannot be had: {reason} ({times})"
-        )
+        return f"{reason} ({times})"

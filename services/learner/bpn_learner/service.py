@@ -104,7 +104,7 @@ def _train(worker: Worker, owner: Ownership) -> None:
     alive = Alive(worker.bus, "edge")
     ledger = EpisodeLedger(config, owner, alive, worker.waiting, worker.counters)
 
-    evaluations = Evaluations(config, alive, worker.waiting)
+    evaluations = Evaluations(config, alive, worker.waiting, prove=owner.prove)
 
     def next_episode(body: bytes) -> bytes:
         asked = NextEpisode.decode(body)

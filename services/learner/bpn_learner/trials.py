@@ -1,26 +1,27 @@
 """Episodes that are played to see how good a policy is, and that nothing is learned from."""
 
 import threading
-from collections import Counter
 from collections.abc import Container
 
+from bpn_learner.lease import Lease
+from bpn_learner.refusals import Refusals
 from bpn_shared.bnn.weights import Weights
-from bpn_shared.messages.base import MessageError
+from bpn_shared.messages.base import MessageError, OtherVersionError
 from bpn_shared.messages.control import (
+    MAX_REASON,
     Assignment,
     EpisodeReceipt,
     Fault,
     FaultReceipt,
     NextEpisode,
 )
-from bpn_shared.messages.episode import Episode
+from bpn_shared.messages.episode import Episode, EpisodeMeta, decode_meta
 from bpn_shared.spec.config import Policy, RunConfig
 from bpn_shared.spec.seeds import episode_seed
 
 EVALUATION = 2**31
 """Trials have this or more in the place of the iteration, so that none is an episode of the training."""
 
-_TRIES = 3
 POLICIES: dict[str, tuple[Policy, float]] = {
     "greedy": ("epsilon_greedy", 0.0),
     "random": ("epsilon_greedy", 1.0),
@@ -43,7 +44,7 @@ class Trials:
         policy: one of `POLICIES`.
         iteration: what stands in its place in messages.
         stream: what stands in its place where seeds are made.
-        alive: the edges that are alive; what others held is handed out again.
+        alive: the edges that are alive; what others held, or one for too long, is handed out again.
 
     Attributes:
         iteration: as given.
@@ -69,9 +70,9 @@ class Trials:
         self._alive: Container[str] = Everybody() if alive is None else alive
         self._lock = threading.Lock()
         self._episodes: dict[int, Episode] = {}
-        self._held: dict[int, tuple[int, str]] = {}  # slot: the trial that it plays, and its edge
-        self._in_hand: dict[int, tuple[int, str]] = {}  # slot: what it has played and delivers
-        self._told: Counter[tuple[int, str]] = Counter()
+        self._held: dict[int, tuple[int, Lease]] = {}  # by slot: the trial that it plays
+        self._in_hand: dict[int, tuple[int, Lease]] = {}  # by slot: what it has played and delivers
+        self._refusals = Refusals()
         self.over, self.failure = threading.Event(), ""
 
     @property
@@ -87,45 +88,56 @@ class Trials:
 
     def next(self, asked: NextEpisode) -> Assignment:
         """The trial that a slot shall play now."""
-        slot = asked.slot
+        slot, lease = asked.slot, Lease.begin(asked, self._config)
         with self._lock:
             self._in_hand.pop(slot, None)
             if asked.in_hand is not None and asked.in_hand[0] == self.iteration:
-                self._in_hand[slot] = asked.in_hand[1], asked.worker
+                self._in_hand[slot] = asked.in_hand[1], lease
             trial = self._choose(slot)
             if trial is None:
                 return Assignment(verdict="wait", reason="the other robots' trials")
-            self._held[slot] = trial, asked.worker
+            self._held[slot] = trial, lease
         return Assignment(
             verdict="play",
             iteration=self.iteration,
             episode=trial,
-            seed=episode_seed(self._config.seed, self._stream, trial),
+            seed=self._seed(trial),
             weights_attempt=self._attempt,
             weights_version=self._version,
             policy=self._policy,
             epsilon=self._epsilon,
         )
 
+    def _seed(self, trial: int) -> int:
+        return episode_seed(self._config.seed, self._stream, trial)
+
     def _choose(self, slot: int) -> int | None:
-        nothing = None, ""
-        (held, _), (in_hand, _) = self._held.get(slot, nothing), self._in_hand.get(slot, nothing)
+        held, in_hand = (
+            place[slot][0] if slot in place else None for place in (self._held, self._in_hand)
+        )
         if held is not None and held not in self._episodes and held != in_hand:
             return held  # and has not in hand: its edge was restarted
         out = [*self._held.values(), *self._in_hand.values()]
-        taken = {*self._episodes, *(trial for trial, edge in out if edge in self._alive)}
+        taken = {*self._episodes, *(trial for trial, lease in out if lease.holds(self._alive))}
         return next((trial for trial in range(self._count) if trial not in taken), None)
 
     def receive(self, data: bytes) -> EpisodeReceipt:
-        """Takes a delivered trial.
+        """Takes a delivered trial; what is none is refused for good, and played again.
 
         Raises:
-            MessageError: the bytes are no episode of the task.
+            OtherVersionError: the edge is of another version.
+            MessageError: the bytes are no episode.
         """
-        episode = Episode.decode(data, self._config.task_spec)
+        try:
+            episode = Episode.decode(data, self._config.task_spec)
+        except OtherVersionError:
+            raise
+        except MessageError as error:
+            meta, _ = decode_meta(data)  # raises, if it is not even known which one it is
+            return self._refuse(meta, str(error))
         meta = episode.meta
-        if meta.iteration != self.iteration or meta.episode >= self._count:
-            raise MessageError(f"episode ({meta.iteration}, {meta.episode}) is none of the trials")
+        if (reason := self._why_other(meta)) is not None:
+            return self._refuse(meta, reason)
         with self._lock:
             known = meta.episode in self._episodes
             self._episodes.setdefault(meta.episode, episode)
@@ -133,12 +145,31 @@ class Trials:
                 self.over.set()
         return EpisodeReceipt(verdict="duplicate" if known else "stored")
 
+    def _why_other(self, meta: EpisodeMeta) -> str | None:
+        """What keeps an episode from being one of these trials, if anything does."""
+        if meta.iteration != self.iteration or meta.episode >= self._count:
+            return f"episode ({meta.iteration}, {meta.episode}) is none of the trials"
+        if meta.seed != self._seed(meta.episode):
+            return f"seed {meta.seed} is another evaluation's"
+        if (meta.weights_attempt, meta.weights_version) != (self._attempt, self._version):
+            return f"played with weights version {meta.weights_version} of attempt {meta.weights_attempt}"
+        return None
+
+    def _refuse(self, meta: EpisodeMeta, reason: str) -> EpisodeReceipt:
+        if meta.iteration == self.iteration:
+            self._count_refusal(meta.episode, reason)
+        return EpisodeReceipt(verdict="refused", reason=reason[:MAX_REASON])
+
     def fault(self, fault: Fault) -> FaultReceipt:
-        """A fault of an edge or a robot; the same one three times will be there the fourth time too."""
-        with self._lock:
-            told = fault.episode, fault.reason
-            self._told[told] += 1
-            if self._told[told] == _TRIES and fault.episode not in self._episodes:
-                self.failure = f"trial {fault.episode} cannot be played: {fault.reason}"
-                self.over.set()
+        """Notes that a trial cannot be had; one of which that is told again and again ends them."""
+        self._count_refusal(fault.episode, fault.reason)
         return FaultReceipt()
+
+    def _count_refusal(self, trial: int, reason: str) -> None:
+        with self._lock:
+            if trial >= self._count or trial in self._episodes or self.over.is_set():
+                return
+            why = self._refusals.add(trial, reason)
+            if why is not None:
+                self.failure = f"trial {trial} cannot be played: {why}"
+                self.over.set()

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from ledgers import ask, make, stopped_soon, stored, wait
 from played import CONFIG, episode, owned, played
 
-from bpn_learner import ledger as ledger_module
+from bpn_learner import lease
 from bpn_learner.ledger import EpisodeLedger
 from bpn_shared.counters import Counters
 from bpn_shared.messages.base import MessageError, OtherVersionError
@@ -87,11 +87,11 @@ def test_an_episode_whose_time_is_over_is_handed_out_again(
     owner: Ownership, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     now_s = 100.0
-    monkeypatch.setattr(ledger_module.time, "monotonic", lambda: now_s)
+    monkeypatch.setattr(lease.time, "monotonic", lambda: now_s)
     ledger = make(owner, {"edge-0", "edge-1"}, episodes=1)
     ledger.begin(0)
     assert ask(ledger, 0) == ("play", 0)
-    now_s += ledger_module.LEASE_S
+    now_s += lease.LEASE_S
     assert ask(ledger, 1)[0] == "wait"
     now_s += CONFIG.steps * CONFIG.task_spec.control_period_s + 0.01
     assert ask(ledger, 1) == ("play", 0)

@@ -74,7 +74,7 @@ def test_what_is_stored_or_over_cannot_become_impossible(ledger: EpisodeLedger) 
 
 
 def test_reasons_that_change_have_an_end_too() -> None:
-    refusals = Refusals(4)
+    refusals = Refusals()
     said = [refusals.add(2, f"reason {count}") for count in range(ANY_REASON)]
     assert said[:-1] == [None] * (ANY_REASON - 1)
     assert f"the last of {ANY_REASON} refusals" in str(said[-1])
