@@ -116,18 +116,19 @@ class Training:
         )
         finished = False
         try:
-            self._iterate(callbacks)
-            finished, self.ended_early = True, callbacks.stopped
+            self.ended_early = self._iterate(callbacks)
+            finished = True
         finally:
-            callbacks.run_end(finished=finished)
+            callbacks.run_end(finished=finished, reason=self.ended_early)
         return finished
 
-    def _iterate(self, callbacks: Callbacks) -> None:
+    def _iterate(self, callbacks: Callbacks) -> str:
+        """Trains to the last iteration, or returns why not."""
         _, oldest_attempt = self._release(self._done)
         for iteration in range(self._done, self._config.iterations):
             if callbacks.stopped:
                 log.info("%s", callbacks.stopped)
-                return
+                return callbacks.stopped
             start_s = time.monotonic()
             episodes = self._collect(iteration, oldest_attempt)
             collect_s = time.monotonic() - start_s
@@ -151,6 +152,7 @@ class Training:
             checkpoint = encode_checkpoint(self._network, self._optimizer, iteration + 1)
             self._insist("the checkpoint", partial(self._owner.write_checkpoint, checkpoint))
             self._report(iteration, {k: v for k, v in record.items() if isinstance(v, float)})
+        return ""
 
     def _evaluate(self, iteration: int, weights: Weights, episodes: int) -> EvaluationEnd | None:
         if self._evaluations is None:

@@ -15,6 +15,7 @@ import pytest
 from installed import install
 from played import CONFIG, episode
 
+from bpn_learner.callbacks.calling import MAX_ADDED
 from bpn_learner.evaluations import STREAM, Evaluations
 from bpn_learner.ledger import EpisodeLedger
 from bpn_learner.training import Training
@@ -62,9 +63,46 @@ class Bad(Callback):
     def on_run_end(self, end):
         raise OSError("run")
 
+class Odd(Callback):
+    errors = []
+
+    def on_update_end(self, end):
+        for ask in (
+            lambda: self.run.add("odd", float("nan")),
+            lambda: self.run.add("odd", float("inf")),
+            lambda: self.run.add("sha256", 0.0),
+            lambda: self.run.add("", 0.0),
+            lambda: self.run.add("a b", 0.0),
+            lambda: self.run.add("x" * 65, 0.0),
+            lambda: self.run.evaluate(0),
+            lambda: self.run.stop(" "),
+            lambda: self.run.keep_best(1, "odd", float("nan")),
+        ):
+            try:
+                ask()
+            except ValueError as error:
+                self.errors.append(str(error))
+
+class Talkative(Callback):
+    def on_update_end(self, end):
+        for number in range(60):
+            self.run.add(f"metric_{end.iteration}_{number}", 0.0)
+
+class Endless(Callback):
+    def on_evaluation_end(self, end):
+        self.run.evaluate(1)
+
+class Late(Callback):
+    def on_update_end(self, end):
+        if end.iteration + 1 == self.run.config.iterations:
+            self.run.stop("good enough")
+
 def unmade(run):
     raise ZeroDivisionError("no")
 """
+
+
+_OWN_NAMES = ("Seen", "Bad", "Odd", "Talkative", "Endless", "Late", "unmade")
 
 
 @pytest.fixture
@@ -73,7 +111,7 @@ def own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
     site = tmp_path / "site"
     site.mkdir()
     (site / "own_callbacks.py").write_text(OWN)
-    points = {name: f"own_callbacks:{name}" for name in ("Seen", "Bad", "unmade")}
+    points = {name: f"own_callbacks:{name}" for name in _OWN_NAMES}
     install(site, "own-callbacks", {"bpn.callbacks": points})
     monkeypatch.syspath_prepend(site)
     monkeypatch.delitem(sys.modules, "own_callbacks", raising=False)
@@ -94,7 +132,7 @@ class Loop:
             owner.begin_attempt()
             config, waiting = self.folder.config(), Waiting()
             self.ledger = EpisodeLedger(config, owner, {"edge-0"}, waiting, self.counters)
-            self.evaluations = Evaluations(config, {"edge-0"}, waiting)
+            self.evaluations = Evaluations(config, {"edge-0"}, waiting, prove=owner.prove)
             self.training = Training(
                 config, owner, self.ledger, publish=lambda _: None, report=lambda *_: None,
                 rendezvous=None, waiting=waiting, stop=threading.Event(),
@@ -213,6 +251,45 @@ def test_what_raises_is_counted_with_one_line_and_alters_nothing(
     assert [r["return_px"] for r in one.folder.metrics()] == [
         r["return_px"] for r in plain.metrics()
     ]
+    assert own.Seen.calls[-1] == ("run", True, "")
+
+
+def test_what_cannot_be_written_down_is_refused_where_it_is_said(
+    tmp_path: Path, own: Any, plain: RunFolder
+) -> None:
+    one = loop(tmp_path / "runs", callbacks="Odd", iterations=1)
+    assert one.run()
+    assert len(own.Odd.errors) == 9, own.Odd.errors
+    (record,), (same, *_) = one.folder.metrics(), plain.metrics()
+    assert record.keys() == same.keys()
+    assert record["weights_sha256"] == same["weights_sha256"]
+
+
+def test_callbacks_add_so_many_metrics_and_no_more(tmp_path: Path, own: Any) -> None:
+    assert own
+    one = loop(tmp_path / "runs", callbacks="Talkative")
+    assert one.run()
+    names = {name for record in one.folder.metrics() for name in record if "metric_" in name}
+    assert len(names) == MAX_ADDED
+    assert one.counters.snapshot()["callbacks_failed"] == 3
+    assert "at most 100 metrics" in one.counters.reasons()["callbacks_failed"]
+
+
+def test_an_evaluation_within_an_evaluation_is_refused(tmp_path: Path, own: Any) -> None:
+    assert own
+    one = loop(tmp_path / "runs", callbacks="Endless", **EVALUATED)
+    assert one.run()
+    assert len(one.trials) == 4
+    assert "an evaluation is going on" in one.counters.reasons()["callbacks_failed"]
+
+
+def test_who_stops_a_run_at_its_last_iteration_did_not_end_it_early(
+    tmp_path: Path, own: Any
+) -> None:
+    one = loop(tmp_path / "runs", callbacks="Late,Seen")
+    assert one.run()
+    assert one.training is not None
+    assert one.training.ended_early == ""
     assert own.Seen.calls[-1] == ("run", True, "")
 
 

@@ -100,7 +100,9 @@ class TrainingRun(Protocol):
         """Adds a number to the iteration's metrics, during `on_update_end`; what is there already stays.
 
         Raises:
-            ValueError: the name is taken.
+            RuntimeError: not during `on_update_end`.
+            ValueError: the name is taken, or none of letters, digits, `_` and `.`; the number is not finite; or an
+                attempt's callbacks add more than 100 names.
         """
         ...
 
@@ -111,7 +113,10 @@ class TrainingRun(Protocol):
         them. None: the learner is being stopped.
 
         Raises:
-            RuntimeError: they cannot be played.
+            ValueError: no episode is asked for.
+            RuntimeError: they cannot be played, or not now.
+            InputError: the rewards of one cannot be told.
+            OwnershipLostError: another learner has taken the run over.
         """
         ...
 
@@ -119,12 +124,17 @@ class TrainingRun(Protocol):
         """Notes in the run folder that no policy was better than this version (`bpn eval --best`).
 
         Raises:
+            ValueError: the version or the value is none.
             OSError: the disk does not take it.
         """
         ...
 
     def stop(self, reason: str) -> None:
-        """Lets the run finish once the iteration is; the first reason counts."""
+        """Lets the run finish once the iteration is; the first reason counts, in one line.
+
+        Raises:
+            ValueError: there is no reason.
+        """
         ...
 
 
