@@ -1,8 +1,12 @@
-"""Makes Gymnasium environments of somebody else: modules that register them, keyword arguments, wrappers."""
+"""Makes Gymnasium environments of somebody else: modules that register them, keyword arguments, wrappers.
+
+What is asked for came with a configuration, from whoever may start runs. It makes no robot import at will,
+nor read files: environments with MuJoCo take the path of their model as an argument.
+"""
 
 import importlib
 import os
-from collections.abc import Collection
+from collections.abc import Collection, Iterator
 from typing import Any
 
 import gymnasium
@@ -29,9 +33,11 @@ def make(
         render: whether it will be asked to render pictures.
 
     Raises:
-        ConfigError: a module is not allowed or not installed, or the environment or a wrapper cannot be made.
+        ConfigError: a module is not allowed or not installed, an argument names a file, or the environment or a
+            wrapper cannot be made.
     """
     check_allowed(task, options, allowed)
+    _check_arguments(task, options.arguments)
     module, env_id = id_of(task)
     if module:
         _register(task, module, env_id)
@@ -46,6 +52,25 @@ def make(
     for module, name in options.wrappers:
         made = _wrapped(made, task, module, name)
     return made
+
+
+def _check_arguments(task: str, arguments: dict[str, Any]) -> None:
+    for name, value in arguments.items():
+        for text in _texts(value):
+            if "/" in text or "\\" in text or text.startswith(("~", ".")):
+                raise ConfigError(
+                    f"{task}: {name} = {text[:_MAX_REASON]!r} may name a file, and no configuration says which ones a "
+                    "robot reads: register an environment that has it in a module of your own (gym:MODULE:ID)"
+                )
+
+
+def _texts(value: Any) -> Iterator[str]:
+    """All in a value of JSON."""
+    if isinstance(value, str):
+        yield value
+    elif isinstance(value, list | dict):
+        for inner in [*value, *value.values()] if isinstance(value, dict) else value:
+            yield from _texts(inner)
 
 
 def _register(task: str, module: str, env_id: str) -> None:
