@@ -37,10 +37,10 @@ from bpn_shared.runs.digests import seal_line
 from bpn_shared.runs.files import Prove, append_line, free, write_atomically
 from bpn_shared.runs.lines import RecordFile
 from bpn_shared.runs.lock import OwnershipLostError, RunOwnedError, is_locked, locked
+from bpn_shared.runs.lookup import whole_id
 from bpn_shared.runs.opening import file_names, folder_names, is_run_id, open_file, read_file
 from bpn_shared.runs.ownership import Ownership
 from bpn_shared.runs.state import OVER, STATES, RunState, State, decode_state, encode_state
-from bpn_shared.runs.trash import Trash
 from bpn_shared.runs.warm_start import FILE as INITIAL
 from bpn_shared.runs.warm_start import taken_over
 from bpn_shared.spec.config import ConfigError, RunConfig
@@ -58,7 +58,6 @@ __all__ = [
 ]
 
 _WEIGHTS_NAME = re.compile(r"\d{6,}\.bpnw")
-_MOST_LISTED = 5
 
 
 class RunFolder:
@@ -103,21 +102,7 @@ class RunFolder:
         # One that has lost its state is found too: it can go on.
         folders = [cls(runs_dir / name) for name in folder_names(runs_dir) if is_run_id(name)]
         names = [folder.path.name for folder in folders if folder.has("config.json")]
-        matches = [name for name in names if name.startswith(run) or name.endswith(run)]
-        if not matches:
-            for name in Trash(runs_dir).names():
-                if name.startswith(run) or name.endswith(run):
-                    raise ConfigError(
-                        f"run {name} is in the trash: `bpn runs restore {name}` brings it back"
-                    )
-            there = f"the newest are: {_listed(names)}" if names else "there are none"
-            raise ConfigError(f"no run in {runs_dir} matches {run!r}; {there}")
-        if len(matches) > 1:
-            raise ConfigError(
-                f"{len(matches)} runs in {runs_dir} match {run!r}: {_listed(matches)}; give more of the id's end, "
-                "since ids of one time begin alike"
-            )
-        return cls(runs_dir / matches[0])
+        return cls(runs_dir / whole_id(runs_dir, names, run))
 
     def is_complete(self) -> bool:
         """Whether this is the folder of a run, and all that makes it one is there.
@@ -387,14 +372,6 @@ class RunFolder:
             return file.read(sealed=self.has_sealed_lines())
         except OSError as error:
             raise ConfigError(f"{self.path}: {error}") from error
-
-
-def _listed(names: Sequence[str]) -> str:
-    """The newest of some runs."""
-    newest = names[-_MOST_LISTED:]
-    return ", ".join(newest) + (
-        f" and {len(names) - len(newest)} more" if len(names) > len(newest) else ""
-    )
 
 
 def run_folders(runs_dir: Path) -> Iterator[RunFolder]:
