@@ -162,7 +162,8 @@ class Trials:
 
     def fault(self, fault: Fault) -> FaultReceipt:
         """Notes that a trial cannot be had; one of which that is told again and again ends them."""
-        self._count_refusal(fault.episode, fault.reason)
+        if fault.iteration == self.iteration:
+            self._count_refusal(fault.episode, fault.reason)
         return FaultReceipt()
 
     def _count_refusal(self, trial: int, reason: str) -> None:

@@ -59,8 +59,8 @@ def _check_arguments(task: str, arguments: dict[str, Any]) -> None:
         for text in _texts(value):
             if "/" in text or "\\" in text or text.startswith(("~", ".")):
                 raise ConfigError(
-                    f"{task}: {name} = {text[:_MAX_REASON]!r} may name a file, and no configuration says which ones a "
-                    "robot reads: register an environment that has it in a module of your own (gym:MODULE:ID)"
+                    f"{task}: {name} = {text[:_MAX_REASON]!r} may name a file, and no configuration says which "
+                    "ones a robot reads: register an environment with it in a module of your own (gym:MODULE:ID)"
                 )
 
 

@@ -44,9 +44,7 @@ def decode_config(data: bytes, *, source: str) -> RunConfig:
     if not isinstance(values, dict):
         raise ConfigError(f"{source}: it has no values; {_REMEDY}")
     for older in range(schema, SCHEMA):
-        values = _migrated(older, values, source)
-    if schema < SCHEMA:
-        values = _BEFORE_GYM_OPTIONS | values
+        values = _migrated(older, values, f"{source}: schema {schema}")
     unknown = values.keys() - RunConfig.model_fields.keys()
     if unknown and schema > 1:
         raise OtherConfigVersionError(
@@ -112,18 +110,6 @@ def _whose(document: dict[str, Any]) -> str:
     return f"written by bpn {version}; this is bpn {VERSION}: use the version that wrote it"
 
 
-_BEFORE_GYM_OPTIONS: dict[str, Any] = {
-    # Files from before there were these options.
-    "env_kwargs": "",
-    "env_wrappers": "",
-    "frames_from": "auto",
-    "observation_key": "",
-    "crop": "",
-    "max_over_frames": 1,
-    "difference": False,
-    "action_bins": 0,
-}
-
 _BEFORE_SCHEMA_2: dict[str, Any] = {
     # The defaults of schema 1, and for what its first programs did not have yet, what they did.
     "algorithm": "bpn",
@@ -165,9 +151,7 @@ def _migrated(older: int, values: dict[str, Any], source: str) -> dict[str, Any]
     try:
         return _MIGRATIONS[older](values)
     except InputError as error:
-        raise ConfigError(
-            f"{source}: schema {older} tells the task by its name: {error}"
-        ) from error
+        raise ConfigError(f"{source} tells the task by its name: {error}") from error
 
 
 def _from_1(values: dict[str, Any]) -> dict[str, Any]:
@@ -180,6 +164,14 @@ _BEFORE_SCHEMA_3: dict[str, Any] = {
     "evaluate_episodes": 10,
     "stop_when": "",
     "callbacks": "",
+    "env_kwargs": "",
+    "env_wrappers": "",
+    "frames_from": "auto",
+    "observation_key": "",
+    "crop": "",
+    "max_over_frames": 1,
+    "difference": False,
+    "action_bins": 0,
 }
 
 

@@ -14,7 +14,7 @@ from bpn_learner.refusals import SAME_REASON
 from bpn_learner.trials import EVALUATION, Trials
 from bpn_shared.bnn.blob import WeightBlob
 from bpn_shared.messages.base import MessageError
-from bpn_shared.messages.control import NextEpisode
+from bpn_shared.messages.control import Fault, NextEpisode
 from bpn_shared.messages.episode import Episode
 from bpn_shared.runs.lock import OwnershipLostError
 from bpn_shared.spec.seeds import episode_seed
@@ -83,6 +83,16 @@ def test_a_trial_that_does_not_fit_the_task_is_refused_and_ends_them_when_it_com
         f"trial 0 cannot be played: episode: action {TASK.actions} is outside 0..{TASK.actions - 1} "
         f"({SAME_REASON} times in a row)"
     )
+
+
+def test_faults_of_another_evaluation_do_not_count() -> None:
+    trials = make()
+    for iteration in (EVALUATION - 1, EVALUATION + 1, EVALUATION):
+        assert not trials.over.is_set()
+        fault = Fault(iteration=iteration, episode=0, worker="edge-0", reason="dark")
+        for _ in range(SAME_REASON):
+            trials.fault(fault)
+    assert trials.failure == f"trial 0 cannot be played: dark ({SAME_REASON} times in a row)"
 
 
 def test_bytes_that_are_no_episode_are_to_be_sent_again() -> None:

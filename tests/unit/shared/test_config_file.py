@@ -89,7 +89,7 @@ EDITED = encode_config(CONFIG).replace(b'"seed": 9', b'"seed": 8')
     (b'{"task": "reaching", "alpha": 2}', "alpha = 2: .*less than or equal to 1"),
     (b'{"task": "reaching", "alpha": 0.5, "beta2": 1}', "beta2 = 1: unknown"),
     (b"\xff\x00", "no JSON"),
-    (b'{"alpha": 0.5}', "task = None is no name"),
+    (b'{"alpha": 0.5}', "schema 1 tells the task by its name: task = None is no name"),
     (b'{"task": "juggling"}', r"task = 'juggling': unknown; one of: gym:\[MODULE:\]ENVIRONMENT-ID, pan_tilt"),
     (b"", "no JSON"),
 ])  # fmt: skip
