@@ -18,15 +18,11 @@ def episode_rewards(task: TaskSpec, episode: Episode) -> Rewards:
     return episode.rewards if function is None else function(episode.frames, task)
 
 
+@lru_cache(maxsize=8)
 def function_of(task: TaskSpec) -> RewardFunction | None:
     """What computes the task's rewards from pixels; None where the robot tells them.
 
     Raises:
         PluginError: it is not installed here, or cannot be imported.
     """
-    return _found(task.model_dump_json())
-
-
-@lru_cache(maxsize=8)
-def _found(task: str) -> RewardFunction | None:
-    return reward_function(TaskSpec.model_validate_json(task))
+    return reward_function(task)
