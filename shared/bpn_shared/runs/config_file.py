@@ -158,7 +158,7 @@ def _from_1(values: dict[str, Any]) -> dict[str, Any]:
     return _BEFORE_SCHEMA_2 | values
 
 
-_BEFORE_SCHEMA_3: dict[str, Any] = {
+BEFORE_SCHEMA_3: dict[str, Any] = {
     "init_from": "",
     "evaluate_every": 0,
     "evaluate_episodes": 10,
@@ -173,13 +173,14 @@ _BEFORE_SCHEMA_3: dict[str, Any] = {
     "difference": False,
     "action_bins": 0,
 }
+"""Values of files from before there were these options: all off."""
 
 
 def _from_2(values: dict[str, Any]) -> dict[str, Any]:
     name = values.get("task")
     if not isinstance(name, str):
         raise InputError(f"task = {name!r} is no name; {_REMEDY}")
-    return _BEFORE_SCHEMA_3 | values | {"task_spec": task_spec(name, _task_options(values))}
+    return BEFORE_SCHEMA_3 | values | {"task_spec": task_spec(name, _task_options(values))}
 
 
 def _task_options(values: dict[str, Any]) -> TaskOptions:

@@ -14,10 +14,10 @@ from bpn_dashboard.registry.about import About
 from bpn_dashboard.registry.errors import UnknownRunError
 from bpn_dashboard.registry.progress import Progress
 from bpn_dashboard.registry.states import observed
+from bpn_shared.runs.config_file import BEFORE_SCHEMA_3
 from bpn_shared.runs.folder import RunFolder, is_run_id
 from bpn_shared.runs.trash import Removed, Trash
 from bpn_shared.spec.config import ConfigError
-from bpn_shared.spec.gym import OFF
 from bpn_shared.spec.tasks import RETURN
 
 _FILES = ("config.json", "state.json", "about.json")
@@ -98,10 +98,11 @@ def name_in_trash(trash: Trash, run_id: str) -> str:
 def config_hash(values: Mapping[str, Any]) -> str:
     """SHA-256 of a configuration's values as canonical JSON.
 
-    Options of `gym:` tasks that are off are left out, so that runs of before there were any are told to be alike.
+    Options of `gym:` tasks, callbacks and warm start that are off are left out, so that runs of before there were
+    any are told to be alike.
     """
-    off = OFF.model_dump()
-    told = {key: value for key, value in values.items() if key not in off or value != off[key]}
+    off = BEFORE_SCHEMA_3.items()
+    told = {key: value for key, value in values.items() if (key, value) not in off}
     return hashlib.sha256(json.dumps(told, sort_keys=True).encode()).hexdigest()
 
 
