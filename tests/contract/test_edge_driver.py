@@ -14,6 +14,7 @@ from bpn_shared.bus import keys
 from bpn_shared.bus.latest import DirectSubscriber
 from bpn_shared.bus.session import Bus
 from bpn_shared.messages.action import Action
+from bpn_shared.messages.control import Assignment
 from bpn_shared.messages.decision import Decision
 from bpn_shared.messages.frame import FrameHeader, FrameKind
 from bpn_shared.spec.config import RunConfig
@@ -177,3 +178,42 @@ def test_frames_of_another_reset_are_nobodys(
     wait_for(lambda: service.counters.get("frames_of_other_episodes", 0) >= 2, "two such")
     playing.robot.bend = good
     assert playing.learner.next_delivery().steps == 3
+
+
+def test_what_is_in_hand_is_delivered_though_the_robot_does_not_begin_the_next_one(
+    scene: Callable[..., Scene],
+) -> None:
+    playing = scene(CONFIG)
+    learner = playing.learner
+    assign = learner.assignment
+
+    def assign_when_the_robot_is_gone() -> Assignment:
+        if learner.asked[-1].in_hand is not None:
+            playing.robot.leave()
+        return assign()
+
+    learner.assignment = assign_when_the_robot_is_gone  # type: ignore[method-assign]
+    playing.begin()
+    assert learner.next_delivery().meta.episode == 0
+
+
+def test_what_is_in_hand_keeps_no_edge_when_the_run_is_finished(
+    scene: Callable[..., Scene], wait_for: Callable[..., None]
+) -> None:
+    playing = scene(CONFIG)
+    learner = playing.learner
+    assign = learner.assignment
+
+    def finished_when_played() -> Assignment:
+        if learner.asked[-1].in_hand is None:
+            return assign()
+        return Assignment(verdict="finished", reason="all iterations are done")
+
+    learner.assignment = finished_when_played  # type: ignore[method-assign]
+    learner.disk.clear()
+    edge = playing.begin()
+    try:
+        wait_for(lambda: not edge.alive, "the edge's end")
+    finally:
+        learner.disk.set()
+    assert learner.delivered == []

@@ -306,5 +306,5 @@ def test_a_trial_that_cannot_be_played_ends_the_evaluation_with_the_reason(
     assert host.over.wait(30)
     assert host.failure == (
         "trial 0 cannot be played: gym:bpn-test/Trap-v0: step raised ValueError: the last line at step 4 "
-        f"(seed {episode_seed(TRAP.seed, EVALUATION, 0)})"
+        f"(seed {episode_seed(TRAP.seed, EVALUATION, 0)}) (3 times in a row)"
     )

@@ -81,6 +81,10 @@ class EvilRobot:
         self._actions.wake()
         return ResetReply(reset_id=self._reset.reset_id).encode()
 
+    def leave(self) -> None:
+        """Answers no reset any more."""
+        self._responder.close()
+
     def _play(self) -> None:
         step, applied, mine = 0, 255, None
         while not self._stop.is_set():

@@ -70,7 +70,8 @@ class EpisodeDriver:
         """Plays the assigned episode with the weights in the active bank.
 
         Args:
-            meanwhile: is called once the robot has begun, on this thread; frames are answered on the network's.
+            meanwhile: is called once the robot has begun, or does not, on this thread; frames are answered on the
+                network's.
 
         Returns:
             The finished episode; None if the worker was stopped or a frame is missing (realtime pacing
@@ -99,7 +100,7 @@ class EpisodeDriver:
         )
         self._link.listen(game.on_frame)
         try:
-            self._link.reset(reset)
+            self._link.reset(reset, meanwhile=meanwhile)
             meanwhile()
             while not game.over.wait(_LOOK_AROUND_S):
                 if worker.stop.is_set():

@@ -54,8 +54,12 @@ class RobotLink:
                 return
             self._on_frame(header, pixels, t_receive_ns)
 
-    def reset(self, reset: Reset) -> bool:
-        """Tells the robot to begin an episode, again and again until it answers; False if stopped."""
+    def reset(self, reset: Reset, *, meanwhile: Callable[[], object] = lambda: None) -> bool:
+        """Tells the robot to begin an episode, again and again until it answers; False if stopped.
+
+        Args:
+            meanwhile: is called when it does not answer at once, as one that is gone.
+        """
         worker = self._worker
         answer = worker.ask(
             self._reset_key,
@@ -64,6 +68,7 @@ class RobotLink:
             waiting_for=f"robot {worker.slot} to answer a reset",
             refused_as="resets_refused",
             timeout_s=_RESET_TIMEOUT_S,
+            meanwhile=meanwhile,
         )
         return answer is not None
 

@@ -62,14 +62,13 @@ def serve(worker: Worker, config: RunConfig) -> int:
         while not worker.stop.is_set():
             newest = memory.newest
             assignment = learner.next_episode(newest)
-            if assignment is None or assignment.verdict != "play":
-                learner.deliver()
             if assignment is None:
                 break
-            if assignment.verdict == "finished":
+            if assignment.verdict == "finished":  # what is in hand is nobody's wish any more
                 log.info("the run is finished")
                 break
             if assignment.verdict == "wait":
+                learner.deliver()
                 worker.waiting.set(assignment.reason)
                 if memory.wait_newer(newest, pace.next_pause_s()):  # the update is done
                     pace.quicken()

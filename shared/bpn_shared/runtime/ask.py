@@ -27,6 +27,7 @@ def ask(
     on_refusal: OnRefusal,
     timeout_s: float = 2.0,
     backoff: Backoff | None = None,
+    meanwhile: Callable[[], object] = lambda: None,
 ) -> Reply | None:
     """Asks whoever answers at `key`, again and again until there is an answer that can be read.
 
@@ -39,6 +40,7 @@ def ask(
         on_refusal: is told of every refusal.
         timeout_s: how long each try waits for its answer.
         backoff: the pauses between the tries.
+        meanwhile: is called after every try that nobody answered.
 
     Returns:
         The answer; None if `stop` was set before there was one.
@@ -49,6 +51,7 @@ def ask(
             return decode(request(bus, key, body, timeout_s=timeout_s))
         except NoReplyError:
             waiting.set(waiting_for)
+            meanwhile()
         except (RefusedError, MessageError) as error:
             on_refusal(str(error))
         stop.wait(backoff.next_s())

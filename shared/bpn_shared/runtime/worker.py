@@ -107,6 +107,7 @@ class WorkerProcess:
         on_refusal: OnRefusal | None = None,
         timeout_s: float = 2.0,
         backoff: Backoff | None = None,
+        meanwhile: Callable[[], object] = lambda: None,
     ) -> Reply | None:
         """Asks at `key` until there is an answer (`bus.ask.ask`); None if this worker was stopped.
 
@@ -126,6 +127,7 @@ class WorkerProcess:
             or (lambda reason: self.counters.refuse(refused_as, f"asking {key}: {reason}")),
             timeout_s=timeout_s,
             backoff=backoff,
+            meanwhile=meanwhile,
         )
 
     def at(self, run: UUID, slot: int, bus: Bus, stop: threading.Event) -> "Worker":
