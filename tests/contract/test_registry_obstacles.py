@@ -260,6 +260,26 @@ def test_of_two_registries_on_a_router_one_serves_and_the_other_takes_over(
     other.close()
 
 
+def test_who_is_to_serve_and_cannot_begin_tries_again(
+    registry: Registry, wait_for: WaitFor, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("bpn_dashboard.registry.election.SETTLE_S", 0.2)
+    told: list[bool] = []
+
+    def lead(leading: bool) -> None:
+        told.append(leading)
+        if len(told) == 1:
+            raise OSError(errno.EMFILE, "Too many open files")
+
+    counters = Counters()
+    candidate = Candidate(registry.bus, "dashboard-b", lead, counters)
+    wait_for(lambda: told == [True, True], "the second try")
+    assert candidate.serves
+    candidate.close()
+    assert told == [True, True]
+    assert counters.snapshot() == {"elections_failed": 1}
+
+
 def test_rounds_that_fail_are_told_once_and_why_nobody_gets_work(
     registry: Registry,
     wait_for: WaitFor,

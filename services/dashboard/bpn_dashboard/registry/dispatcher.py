@@ -110,10 +110,14 @@ class Dispatcher:
         """Begins or ceases to serve workers."""
         if leading != self._leading:
             self.desk.settle()
-            self._leading = leading
-            if self._responder is not None:
-                self._responder.close()
-            self._responder = self._respond() if leading else None
+            if not leading:
+                self._leading = False
+            responder, self._responder = self._responder, None
+            if responder is not None:
+                responder.close()
+            if leading:
+                self._responder = self._respond()
+                self._leading = True  # not before: where that raised, it is tried again
             self._news.set()
 
     def close(self) -> None:

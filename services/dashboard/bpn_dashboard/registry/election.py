@@ -92,7 +92,7 @@ class Candidate:
 
     Args:
         name: of this life of the dashboard.
-        lead: is told whether to serve, on the thread.
+        lead: is told whether to serve, on the thread; where it raises, again.
         counters: what fails is counted here.
     """
 
@@ -105,6 +105,7 @@ class Candidate:
         self._lock = threading.Lock()
         self._election = Election(self._key, time.monotonic())
         self._token: Token | None = None
+        self._leads = False  # that is, `lead` has heard so
         self._router = bus.router
         self._closed = threading.Event()
         self._watch = TokenWatch(bus, keys.serving("*", "*", "*"), self._on_token)
@@ -155,13 +156,14 @@ class Candidate:
                 self._election.reconnected(time.monotonic())
             serves = self._election.decide(time.monotonic(), connected=self._bus.connected)
             rival = self._election.rival
-        if serves == (self._token is not None):
+        if serves == self._leads:
             return
-        if self._token is None:
+        if serves and self._token is None:
             self._token = Token(self._bus, self._key)
             log.info("serves the workers of the router at %s", self._bus.endpoint)
-        else:
+        if not serves and self._token is not None:
             self._token.close()
             self._token = None
             log.warning("%s", rival)
         self._lead(serves)
+        self._leads = serves
