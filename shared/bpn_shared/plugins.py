@@ -5,7 +5,7 @@ that a configuration from elsewhere loads nothing that whoever set up the machin
 own parts are entry points of its packages as well; there is no second path.
 """
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from importlib.metadata import EntryPoint, entry_points
 from typing import Any
@@ -71,12 +71,7 @@ class Plugin:
         Raises:
             PluginError: it cannot be imported.
         """
-        try:
-            return self.entry_point.load()
-        except InputError:
-            raise
-        except Exception as error:
-            raise self.broken(error) from error
+        return self.apply(self.entry_point.load)
 
     def call(self, *args: Any, **kwargs: Any) -> Any:
         """What the entry point's function returns.
@@ -84,12 +79,19 @@ class Plugin:
         Raises:
             PluginError: it cannot be imported, or raises anything but an `InputError`, which says enough.
         """
-        function = self.load()
+        return self.apply(self.load(), *args, **kwargs)
+
+    def apply(self, function: Callable[..., Any], *args: Any, **kwargs: Any) -> Any:
+        """What a function of the plug-in returns.
+
+        Raises:
+            PluginError: it raises anything but an `InputError`, which says enough.
+        """
         try:
             return function(*args, **kwargs)
         except InputError:
             raise
-        except Exception as error:
+        except (Exception, SystemExit) as error:  # the latter of a script that is imported
             raise self.broken(error) from error
 
     def broken(self, error: BaseException | str) -> PluginError:

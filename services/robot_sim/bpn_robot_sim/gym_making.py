@@ -109,7 +109,7 @@ def _imported(task: str, module: str) -> Any:
         raise ConfigError(
             f"{task}: the module {module}{needs} is not installed here: pip install the package that has it"
         ) from error
-    except Exception as error:  # whatever it does when it is imported
+    except (Exception, SystemExit) as error:  # whatever it does when it is imported
         raise ConfigError(
             f"{task}: the module {module} cannot be imported: {last_line(error)}"
         ) from error

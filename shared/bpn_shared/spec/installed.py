@@ -1,7 +1,6 @@
 """The tasks that are installed here, for whoever creates a run: plug-ins of the group bpn.tasks."""
 
 import logging
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -58,9 +57,8 @@ def task_spec(name: str, options: TaskOptions) -> TaskSpec:
         InputError: an option is impossible, or the plug-in is broken.
     """
     plugin, task = _find(name)
-    spec = _called(plugin, task.make, name, options) if isinstance(task, TaskFamily) else task
-    if not isinstance(spec, TaskSpec) or spec.name != name:
-        raise plugin.broken(f"what it has for {name!r} is no TaskSpec of that name")
+    spec = plugin.apply(task.make, name, options) if isinstance(task, TaskFamily) else task
+    _check_name(plugin, spec, name)
     return spec
 
 
@@ -73,7 +71,8 @@ def preset_of(name: str) -> dict[str, Any]:
     """
     plugin, task = _find(name)
     if isinstance(task, TaskFamily):
-        return dict(_called(plugin, task.preset, name))
+        preset: dict[str, Any] = plugin.apply(lambda: dict(task.preset(name)))
+        return preset
     return task.options() | task.preset
 
 
@@ -82,22 +81,19 @@ def offered() -> OfferedTasks:
     specs: list[TaskSpec] = []
     families: dict[str, TaskFamily] = {}
     presets: dict[str, dict[str, Any]] = {}
-    for name, task in _all():
-        if isinstance(task, TaskFamily):
-            families[name] = task
-            presets |= {whole: preset_of(whole) for whole in (*task.known, f"{name}:")}
-        else:
-            specs.append(task)
-            presets[name] = preset_of(name)
-    return OfferedTasks(tuple(specs), families, presets)
-
-
-def _all() -> Iterator[tuple[str, TaskSpec | TaskFamily]]:
     for name in plugins.names(plugins.TASKS):
         try:
-            yield name, _loaded(plugins.find(plugins.TASKS, name))
+            task = _loaded(plugins.find(plugins.TASKS, name))
+            wholes = (*task.known, f"{name}:") if isinstance(task, TaskFamily) else (name,)
+            presets |= {whole: preset_of(whole) for whole in wholes}
         except InputError as error:
             log.warning("%s", error)
+            continue
+        if isinstance(task, TaskFamily):
+            families[name] = task
+        else:
+            specs.append(task)
+    return OfferedTasks(tuple(specs), families, presets)
 
 
 def _find(name: str) -> tuple[Plugin, TaskSpec | TaskFamily]:
@@ -115,16 +111,14 @@ def _find(name: str) -> tuple[Plugin, TaskSpec | TaskFamily]:
 
 def _loaded(plugin: Plugin) -> TaskSpec | TaskFamily:
     loaded = plugin.load()
-    task = loaded if isinstance(loaded, TaskFamily) else _called(plugin, loaded)
+    task = loaded if isinstance(loaded, TaskFamily) else plugin.apply(loaded)
     if not isinstance(task, TaskSpec | TaskFamily):
         raise plugin.broken(f"it is {type(task).__name__}, no TaskSpec")
+    if isinstance(task, TaskSpec):
+        _check_name(plugin, task, plugin.name)
     return task
 
 
-def _called(plugin: Plugin, function: Any, *args: Any) -> Any:
-    try:
-        return function(*args)
-    except InputError:
-        raise
-    except Exception as error:
-        raise plugin.broken(error) from error
+def _check_name(plugin: Plugin, spec: object, name: str) -> None:
+    if not isinstance(spec, TaskSpec) or spec.name != name:
+        raise plugin.broken(f"what it has for {name!r} is no TaskSpec of that name")

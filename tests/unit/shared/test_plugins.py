@@ -62,12 +62,14 @@ def test_two_of_one_name_name_both_and_hinder_no_other(site: Path) -> None:
         ("nowhere_at_all:x", "No module named 'nowhere_at_all'"),
         ("os:no_such_thing", "no attribute 'no_such_thing'"),
         ("ends_early:x", "SystemError: too early"),
+        ("a_script:x", "SystemExit: 0"),
     ],
 )
 def test_broken_is_one_line_with_distribution_and_remedy(
     site: Path, reference: str, said: str
 ) -> None:
     install(site, "lamps", {"bpn.examples": {"lamp": reference}})
+    (site / "a_script.py").write_text("import sys\nsys.exit(0)")
     (site / "ends_early.py").write_text("raise SystemError('too\\nearly')")
     with pytest.raises(PluginError) as caught:
         plugins.load(GROUP, "lamp")

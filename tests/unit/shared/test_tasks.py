@@ -103,12 +103,15 @@ def late():
 def lamps(name, options):
     return lamp().model_copy(update={"name": name, "frame_skip": options.frame_skip or 4})
 street = TaskFamily(which="STREET", title="Lamps of a street", make=lamps, preset=lambda name: {"steps": 9})
+shade = TaskFamily(which="LAMP", title="Shades", make=lamps, preset=lambda name: {"steps": 1 // 0})
 """
 
 
 @pytest.fixture
 def lamps(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    points = {name: f"plugin_of_lamps:{name}" for name in ("lamp", "liar", "late", "street")}
+    points = {
+        name: f"plugin_of_lamps:{name}" for name in ("lamp", "liar", "late", "street", "shade")
+    }
     install(tmp_path, "lamps", {"bpn.tasks": points | {"gone": "not_there:x", "number": "math:pi"}})
     (tmp_path / "plugin_of_lamps.py").write_text(PLUGIN)
     monkeypatch.syspath_prepend(str(tmp_path))
@@ -122,9 +125,13 @@ def test_a_task_of_another_package_is_found_and_offered() -> None:
     assert (config.task_spec.name, config.frame_skip, config.steps) == ("street:broad", 2, 9)
     assert RunConfig.for_task("street:broad").frame_skip == 4
     tasks = offered()
-    assert "lamp" in {spec.name for spec in tasks.specs}
+    assert [spec.name for spec in tasks.specs].count("lamp") == 1
     assert tasks.families["street"].which == "STREET"
     assert (tasks.presets["lamp"]["steps"], tasks.presets["street:"]) == (7, {"steps": 9})
+    offered_names = (
+        {spec.name for spec in tasks.specs} | tasks.families.keys() | tasks.presets.keys()
+    )
+    assert not offered_names & {"liar", "late", "shade", "shade:", "gone", "number"}
     assert {"lamp", "gone"} <= set(task_names().replace(",", "").split())
 
 

@@ -15,7 +15,8 @@ from bpn_dashboard.registry.errors import RunBusyError, RunStateError, UnknownRu
 from bpn_dashboard.registry.folders import name_in_trash, named_contents, row_of
 from bpn_dashboard.registry.index import forget
 from bpn_dashboard.registry.query import RunFilter
-from bpn_dashboard.registry.retention import Rule, is_wanted
+from bpn_dashboard.registry.retention import Rule
+from bpn_dashboard.registry.states import is_idle
 from bpn_dashboard.registry.store import RunStore
 from bpn_shared.errors import one_line
 from bpn_shared.runs.lock import RunOwnedError
@@ -87,7 +88,7 @@ class Removals:
             raise UnknownRunError(
                 run_id, f"run {run_id} is in the trash, {_by(removed)}"
             ) from error
-        if is_wanted(row):
+        if not is_idle(row.state):
             raise RunBusyError(
                 f"run {run_id} is {row.state}: stop it before removing it (`bpn runs stop {run_id}`)"
             )

@@ -4,7 +4,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 from bpn_dashboard.database.tables import RunRow
-from bpn_dashboard.registry.states import is_busy
+from bpn_dashboard.registry.states import is_idle
 from bpn_shared.runs.trash import DAY_S
 from bpn_shared.spec.config import ConfigError
 
@@ -50,12 +50,7 @@ class Rule:
         return [row for row in behind if self._is_idle(row, now_unix_s)]
 
     def _is_idle(self, row: RunRow, now_unix_s: float) -> bool:
-        if is_wanted(row) or KEEP in row.tags:
+        if not is_idle(row.state) or KEEP in row.tags:
             return False
         days = self.older_than_days
         return days is None or now_unix_s - row.updated_at > days * DAY_S
-
-
-def is_wanted(row: RunRow) -> bool:
-    """Whether somebody works on the run, or will."""
-    return row.state == "queued" or is_busy(row.state)

@@ -45,11 +45,11 @@ def observed(
     return "lost" if unowned_s > LOST_AFTER_S else "running"
 
 
-def is_wanted(recorded: State, desired: DesiredState) -> bool:
-    """Whether workers should work on it."""
-    return desired == "running" and recorded not in OVER
-
-
 def is_busy(state: State | str) -> bool:
     """Whether something may be working on a run that is shown in this state."""
     return state in BUSY
+
+
+def is_idle(state: State | str) -> bool:
+    """Whether nobody works on a run that is shown in this state, nor will by itself."""
+    return state != "queued" and not is_busy(state)

@@ -37,7 +37,7 @@ from bpn_dashboard.registry.query import (
     find_page,
     states_of_sweeps,
 )
-from bpn_dashboard.registry.states import is_busy
+from bpn_dashboard.registry.states import is_busy, is_idle
 from bpn_dashboard.registry.sweeps import expand
 from bpn_shared.runs.creation import Workplace
 from bpn_shared.runs.folder import RunFolder
@@ -256,7 +256,7 @@ class RunStore:
         """
 
         def decide(row: RunRow) -> Changes:
-            if row.state == "queued" or is_busy(row.state):
+            if not is_idle(row.state):
                 raise RunBusyError(f"run {run_id} is {row.state}: stop it before archiving it")
             return {"archived_at": row.archived_at or time.time()}
 
