@@ -130,6 +130,18 @@ def made(**changes: Any) -> Callable[[], Any]:
     return lambda: type("Other", (Bar,), changes)(spec())
 
 
+def test_a_real_cameras_noise_passes_where_that_is_said() -> None:
+    noise = np.random.default_rng(0)
+
+    class Noisy(Bar):
+        def frame(self) -> Frame:
+            return super().frame() ^ noise.integers(4, size=self.task.frame_shape, dtype=np.uint8)
+
+    check_robot(Noisy(spec()), repeatable=False)
+    with pytest.raises(AssertionError, match="is not the frame that reset returned"):
+        check_robot(Noisy(spec()))
+
+
 def raises(error: Exception) -> Callable[..., Any]:
     def method(*_args: Any) -> Any:
         raise error
@@ -168,6 +180,8 @@ def frames(change: Callable[[Frame], Any]) -> Callable[[], Any]:
     (made(terminated=lambda _: False), "terminated is <bound method .*, not True or False"),
     (made(success="yes"), "success is 'yes', not True, False or None"),
     (made(reward=lambda _: None), r"reward\(\) is None, not a float"),
+    (made(truncated=property(raises(OSError("gone")))), "truncated raises OSError: gone$"),
+    (made(info=lambda _: None), r"info\(\) is None, not a dict"),
     (made(info=lambda _: {"bar_px": 3.0}), r"info\(\)\['bar_px'\] is 3.0, not a pair"),
     (made(close=raises(OSError("busy"))), r"close\(\) raises OSError: busy; a robot that cannot go on raises"),
     (made(settle=raises(KeyError("servo"))), r"settle\(\) raises KeyError: 'servo'; .* raises RobotFault$"),
