@@ -134,7 +134,7 @@ def _play(robot: CheckedRobot, seed: int, actions: Sequence[int], move: Move) ->
     left = list(actions)
     while left:
         frames, rewards = [robot.reset(seed + len(episodes))], []
-        while left and not any(robot.ended):
+        while left:
             move(robot, left.pop(0))
             ended = robot.ended
             frames.append(robot.frame())
@@ -143,6 +143,8 @@ def _play(robot: CheckedRobot, seed: int, actions: Sequence[int], move: Move) ->
             assert robot.ended == ended, (
                 f"{robot.who}: terminated or truncated changes while no time passes"
             )
+            if any(ended):
+                break
         told = rewards if robot.task.told_rewards else []
         episodes.append(Played(seed + len(episodes), frames, told, robot.ended[0], robot.success))
     return episodes
@@ -156,6 +158,8 @@ def _check_hold(robot: CheckedRobot, seed: int) -> None:
     for commanded in (True, False):
         robot.reset(seed)
         lockstep(robot, other)
+        if any(robot.ended):
+            return
         if commanded:
             robot.command(hold)
         robot.advance(robot.task.control_period_s)

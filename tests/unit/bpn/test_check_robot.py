@@ -40,6 +40,30 @@ def test_a_robot_without_a_clock_is_never_asked_to_advance() -> None:
     check_robot(Stepwise(spec(realtime=False)))
 
 
+def test_an_episode_that_has_ended_is_not_played_on() -> None:
+    class Short(Bar):
+        over = False
+
+        @property
+        def terminated(self) -> bool:
+            return self.over
+
+        def reset(self, seed: int) -> Frame:
+            self.over = False
+            return super().reset(seed)
+
+        def settle(self) -> None:
+            super().settle()
+            self.over = True
+
+        def advance(self, seconds: float) -> None:
+            if self.over:
+                raise RobotFault("it is over")
+            super().advance(seconds)
+
+    check_robot(Short(spec()))
+
+
 class Dreaming(Bar):
     def settle(self) -> None:
         self.at_px = self.goal_px + float(np.random.default_rng().uniform(1, 5))
