@@ -69,7 +69,7 @@ def as_it_is(**changes: Any) -> Callable[[], TaskSpec]:
     (as_it_is(rewards="too_many"), "(bars:too_many of bars 1.0) is broken: it returned [7] rewards for 7 frames"),
     (as_it_is(rewards="of_the_whole"), "rewards 'of_the_whole' are another at step 1 where the episode ends"),
     (as_it_is(rewards="at_random"), "rewards 'at_random' of the same 7 frames are others when computed again"),
-    (as_it_is(rewards="in_words"), "rewards of 7 frames of its robot: ValueError: could not convert"),
+    (as_it_is(rewards="in_words"), "is broken: it returned what are no numbers: could not convert"),
     (as_it_is(rewards="changes_its_frames"), "is broken: ValueError: assignment destination is read-only"),
     (as_it_is(rewards="blind"), "rewards of 7 frames of its robot: frame 3 of 7 of task 'bars' shows no bar"),
     (as_it_is(plot="baar"), "plot 'baar' is not installed here; there are: bar, pan_tilt"),
