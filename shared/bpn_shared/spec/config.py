@@ -233,8 +233,13 @@ class RunConfig(TaskOptions):
 
     @model_validator(mode="after")
     def _possible_stop(self) -> Self:
-        if self.stop_when:
-            StopRule.parse(self.stop_when)
+        if not self.stop_when:
+            return self
+        metric = StopRule.parse(self.stop_when).metric
+        if metric.startswith("eval_") and not (self.evaluate_every or self.callbacks):
+            raise ValueError(
+                f"stop_when = {self.stop_when!r}: nothing is evaluated: there is no {metric}; set evaluate_every"
+            )
         return self
 
     @model_validator(mode="after")

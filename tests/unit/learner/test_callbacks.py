@@ -318,6 +318,16 @@ def test_a_run_ends_early_as_finished_with_the_reason_and_again_when_resumed(
     assert shas(one.folder) == shas(plain)[:2]
 
 
+def test_a_rule_on_a_metric_that_is_not_there_is_said_once(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    one = loop(tmp_path, stop_when="retrun_px > -1000")
+    assert one.run()
+    (line,) = [r.getMessage() for r in caplog.records if "stop_when" in r.getMessage()]
+    assert "the metrics have no retrun_px; they have iteration" in line
+    assert "return_px" in line
+
+
 @pytest.mark.parametrize(("name", "what"), [
     ("nowhere", "callback 'nowhere' is not installed here; there are: .*evaluation"),
     ("unmade", "callback 'unmade' .own_callbacks:unmade of own-callbacks 1.0. is broken: .*no"),

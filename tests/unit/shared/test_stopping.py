@@ -33,6 +33,13 @@ def test_what_is_no_rule_is_refused_with_an_example(text: str) -> None:
         RunConfig.for_task("reaching", stop_when=text)
 
 
+def test_a_rule_about_evaluations_needs_some() -> None:
+    with pytest.raises(ConfigError, match=r"there is no eval_success; set evaluate_every"):
+        RunConfig.for_task("reaching", stop_when="eval_success >= 1")
+    for more in ({"evaluate_every": 2}, {"callbacks": "mine"}):
+        assert RunConfig.for_task("reaching", stop_when="eval_success >= 1", **more).stop_when
+
+
 def test_callbacks_have_one_order_and_each_stands_there_once() -> None:
     assert RunConfig.for_task("reaching").callback_names == ()
     config = RunConfig.for_task(
