@@ -12,6 +12,7 @@ from typing import Any
 from uuid import UUID
 
 import pytest
+import torch
 from installed import install
 from played import CONFIG, episode
 
@@ -30,6 +31,7 @@ from bpn_shared.waiting import Waiting
 
 OWN = """
 import sys
+import torch
 from bpn_learner.callbacks import Callback
 
 class Seen(Callback):
@@ -92,6 +94,22 @@ class Endless(Callback):
     def on_evaluation_end(self, end):
         self.run.evaluate(1)
 
+class Meddler(Callback):
+    def meddle(self, _end=None):
+        torch.set_num_threads(torch.get_num_threads() + 1)
+        torch.set_default_dtype(torch.float64)
+        torch.set_grad_enabled(False)
+        torch.use_deterministic_algorithms(not torch.are_deterministic_algorithms_enabled())
+        torch.set_float32_matmul_precision("medium")
+        torch.backends.cudnn.allow_tf32 = not torch.backends.cudnn.allow_tf32
+        torch.manual_seed(99)
+
+    def __init__(self, run):
+        super().__init__(run)
+        self.meddle()
+
+    on_collection_end = on_update_end = on_evaluation_end = meddle
+
 class Late(Callback):
     def on_update_end(self, end):
         if end.iteration + 1 == self.run.config.iterations:
@@ -102,7 +120,7 @@ def unmade(run):
 """
 
 
-_OWN_NAMES = ("Seen", "Bad", "Odd", "Talkative", "Endless", "Late", "unmade")
+_OWN_NAMES = ("Seen", "Bad", "Odd", "Talkative", "Endless", "Late", "Meddler", "unmade")
 
 
 @pytest.fixture
@@ -252,6 +270,26 @@ def test_what_raises_is_counted_with_one_line_and_alters_nothing(
         r["return_px"] for r in plain.metrics()
     ]
     assert own.Seen.calls[-1] == ("run", True, "")
+
+
+def test_torchs_settings_are_the_trainings_whatever_callbacks_do_to_them(
+    tmp_path: Path, own: Any, plain: RunFolder
+) -> None:
+    def settings() -> list[object]:
+        return [
+            torch.get_num_threads(), torch.get_default_dtype(), torch.is_grad_enabled(),
+            torch.are_deterministic_algorithms_enabled(), torch.get_float32_matmul_precision(),
+            torch.backends.cudnn.allow_tf32,
+            torch.get_rng_state().tolist(),
+        ]  # fmt: skip
+
+    assert own
+    before = settings()
+    one = loop(tmp_path / "runs", callbacks="Meddler", **EVALUATED)
+    assert one.run()
+    assert one.counters.snapshot().get("callbacks_failed", 0) == 0
+    assert settings() == before
+    assert shas(one.folder) == shas(plain)
 
 
 def test_what_cannot_be_written_down_is_refused_where_it_is_said(

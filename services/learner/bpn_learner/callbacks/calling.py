@@ -15,6 +15,7 @@ from bpn_learner.callbacks.callback import (
     TrainingRun,
     UpdateEnd,
 )
+from bpn_learner.callbacks.settings import settings_kept
 from bpn_shared import plugins
 from bpn_shared.bnn.weights import Weights
 from bpn_shared.counters import Counters
@@ -63,7 +64,8 @@ class Callbacks:
         run: TrainingRun = self
         self._all: list[tuple[str, Callback]] = []
         for name in config.callback_names:
-            self._all.append((name, plugins.find(plugins.CALLBACKS, name).call(run)))
+            with settings_kept():
+                self._all.append((name, plugins.find(plugins.CALLBACKS, name).call(run)))
             log.info("callback %s", name)
 
     @property
@@ -143,7 +145,8 @@ class Callbacks:
         at = "" if iteration is None else f", iteration {iteration}"
         for name, callback in self._all:
             try:
-                call(callback)
+                with settings_kept():
+                    call(callback)
             except (Exception, SystemExit) as error:  # whatever others wrote ends no training
                 doing = f"callback {name!r} at the end of the {what}{at}"
                 self._counters.refuse(FAILED, f"{doing}: {one_line(error)}")
