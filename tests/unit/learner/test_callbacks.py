@@ -25,6 +25,7 @@ from bpn_shared.plugins import PluginError
 from bpn_shared.runs.folder import RunFolder
 from bpn_shared.spec.config import ConfigError, RunConfig
 from bpn_shared.spec.seeds import episode_seed
+from bpn_shared.spec.stopping import StopRule
 from bpn_shared.waiting import Waiting
 
 OWN = """
@@ -214,6 +215,16 @@ def test_what_raises_is_counted_with_one_line_and_alters_nothing(
         r["return_px"] for r in plain.metrics()
     ]
     assert own.Seen.calls[-1] == ("run", True, "")
+
+
+def test_any_number_of_a_record_may_end_a_run(tmp_path: Path) -> None:
+    one = loop(tmp_path, **EVALUATED)
+    assert one.run()
+    record = one.folder.metrics()[-1]
+    numbers = {name for name, value in record.items() if isinstance(value, int | float)}
+    assert {"eval_return", "eval_s", "loss", "collect_s", "iteration_s"} <= numbers
+    for name in numbers:
+        StopRule.parse(f"{name} > 1").check("return_px", evaluated=True)
 
 
 def test_an_evaluation_that_cannot_be_played_ends_no_training(
