@@ -1,6 +1,7 @@
 """A task of one's own: a dot has to come to the middle of the picture.
 
-What the parts may and must do is written at `TaskSpec`, `Robot` (bpn_robot.robot) and `RewardFunction`.
+What the parts may and must do is written at `TaskSpec`, `Robot` (bpn_robot.robot) and `RewardFunction`, and
+`bpn.testing.check_task(centre())` looks whether they do.
 """
 
 import numpy as np
@@ -49,6 +50,8 @@ class Dot:
 
     def command(self, action: int) -> None:
         """A new goal; nothing moves yet."""
+        if not 0 <= action < len(MOVES):
+            raise ValueError(f"action = {action} is outside 0..{len(MOVES) - 1}")
         move = np.array(tuple(MOVES.values())[action])
         self._goal = np.clip(self._at + STEP_PX * move, RADIUS_PX, SIZE_PX - 1 - RADIUS_PX)
 

@@ -5,16 +5,21 @@ import os
 import shutil
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
+from pool import Pool, running_pool
 
+from bpn.testing import check_task
 from bpn_shared.runs.folder import RunFolder
-from bpn_shared.spec.installed import offered
+from bpn_shared.spec.installed import offered, task_spec
+from bpn_shared.spec.tasks import TaskOptions
 
 Command = Callable[..., list[str]]
+WaitFor = Callable[..., None]
+LONG_S = 150.0
 EXAMPLE = Path(__file__).parents[2] / "examples/own_task"
 
 
@@ -81,6 +86,35 @@ def test_where_it_is_not_installed_that_is_said(trained: dict[str, Any], command
         assert done.returncode == 2
         assert reason in done.stderr
         assert len(done.stderr.splitlines()) == 1
+
+
+@pytest.fixture(scope="module")
+def pool(site: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Pool]:
+    """`bpn up` where the example is installed."""
+    environment = os.environ | {"PYTHONPATH": str(site)}
+    with running_pool(tmp_path_factory.mktemp("pool"), environment=environment) as running:
+        yield running
+
+
+def test_a_dashboard_offers_it_and_workers_train_it_to_the_same_weights(
+    pool: Pool, trained: dict[str, Any], wait_for: WaitFor
+) -> None:
+    """What the start dialog shows is asked for, as it does, and then started with other values."""
+    presets = pool.dashboard._call("GET", "/config-schema")["presets"]
+    assert presets["centre"]["steps"] == 15
+    assert {"centre", "reaching", "gym:"} <= presets.keys()
+    run = pool.dashboard.create_run({"task": "centre", "iterations": 1, "episodes": 2, "epochs": 1})
+    run_id = run["id"]
+    wait_for(lambda: pool.state(run_id) in {"finished", "failed"}, "the run to end", LONG_S)
+    assert pool.state(run_id) == "finished", pool.run(run_id)
+    assert pool.folder(run_id).config().task_spec.title == "Dot to the centre"
+    commanded = RunFolder.open(trained["runs_dir"], trained["run_id"])
+    assert pool.sha256(run_id) == commanded.newest_weights().content_sha256()
+
+
+def test_it_passes_the_check(site: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(str(site))
+    check_task(task_spec("centre", TaskOptions()))
 
 
 def test_it_is_offered_beside_ours(site: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -18,8 +18,12 @@ class Robot(Protocol):
     In lockstep one step is `command`, `settle`, `frame`; in realtime pacing it is `command` when an
     action came in time, `advance(control period)`, `frame`. `settle` takes as long as the servos need where
     nothing else moves; where the target moves too, exactly one control period, in which they are done.
-    Equal seeds and calls give equal frames. A frame is a new contiguous uint8[c, 84, 84]
-    (`task.frame_shape`).
+    Nothing else lets time pass. A period without a command is recorded as the task's hold action, and has to be
+    the same as one with it.
+
+    Equal seeds and calls give equal frames, whatever was before the reset. A frame is a new contiguous
+    uint8[c, 84, 84] (`task.frame_shape`). Whatever cannot go on raises `RobotFault`.
+    `bpn.testing.check_robot` looks whether a robot does all that.
     """
 
     @property

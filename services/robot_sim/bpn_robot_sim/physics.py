@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from bpn_robot.robot import RobotFault
 from bpn_robot_sim.opengl import mujoco
 
 MAX_SETTLING_S = 5.0
@@ -72,14 +73,14 @@ class Physics:
         """Steps until `settled()`, asked first before any step.
 
         Raises:
-            RuntimeError: it is not settled after 5 simulated seconds.
+            RobotFault: it is not settled after 5 simulated seconds.
         """
         for _ in range(round(MAX_SETTLING_S / (self.timestep_s * check_every_steps))):
             if settled():
                 break
             mujoco.mj_step(self.model, self.data, nstep=check_every_steps)
         else:
-            raise RuntimeError(
+            raise RobotFault(
                 f"the robot did not settle within {MAX_SETTLING_S} simulated seconds: "
                 f"joint positions {self.data.qpos}, velocities {self.data.qvel}"
             )

@@ -46,7 +46,7 @@ def decode_config(data: bytes, *, source: str) -> RunConfig:
     for older in range(schema, SCHEMA):
         values = _migrated(older, values, source)
     if schema < SCHEMA:
-        values = _BEFORE_GYM_OPTIONS | values
+        values = _BEFORE_GYM_OPTIONS | BEFORE_CALLBACKS | values
     unknown = values.keys() - RunConfig.model_fields.keys()
     if unknown and schema > 1:
         raise OtherConfigVersionError(
@@ -112,6 +112,15 @@ def _whose(document: dict[str, Any]) -> str:
     return f"written by bpn {version}; this is bpn {VERSION}: use the version that wrote it"
 
 
+BEFORE_CALLBACKS: dict[str, Any] = {
+    "init_from": "",
+    "evaluate_every": 0,
+    "evaluate_episodes": 10,
+    "stop_when": "",
+    "callbacks": "",
+}
+"""Values of files from before there were these options: all off."""
+
 _BEFORE_GYM_OPTIONS: dict[str, Any] = {
     # Files from before there were these options.
     "env_kwargs": "",
@@ -174,20 +183,11 @@ def _from_1(values: dict[str, Any]) -> dict[str, Any]:
     return _BEFORE_SCHEMA_2 | values
 
 
-_BEFORE_SCHEMA_3: dict[str, Any] = {
-    "init_from": "",
-    "evaluate_every": 0,
-    "evaluate_episodes": 10,
-    "stop_when": "",
-    "callbacks": "",
-}
-
-
 def _from_2(values: dict[str, Any]) -> dict[str, Any]:
     name = values.get("task")
     if not isinstance(name, str):
         raise InputError(f"task = {name!r} is no name; {_REMEDY}")
-    return _BEFORE_SCHEMA_3 | values | {"task_spec": task_spec(name, _task_options(values))}
+    return values | {"task_spec": task_spec(name, _task_options(values))}
 
 
 def _task_options(values: dict[str, Any]) -> TaskOptions:

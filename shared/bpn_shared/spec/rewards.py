@@ -40,7 +40,11 @@ def reward_function(task: TaskSpec) -> RewardFunction | None:
     plugin.load()
 
     def rewards(frames: Frames, task: TaskSpec, /) -> Rewards:
-        found = np.asarray(plugin.call(frames, task), np.float64)
+        told = plugin.call(frames, task)
+        try:
+            found = np.asarray(told, np.float64)
+        except (TypeError, ValueError) as error:
+            raise plugin.broken(f"it returned what are no numbers: {error}") from error
         if found.shape != (len(frames) - 1,):
             raise plugin.broken(
                 f"it returned {list(found.shape)} rewards for {len(frames)} frames, not [{len(frames) - 1}]"

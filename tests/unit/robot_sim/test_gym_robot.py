@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from PIL import Image
 
+from bpn.testing import check_robot
 from bpn_robot.robot import Robot
 from bpn_robot.robots import make_robot
 from bpn_robot_sim.pictures import as_frame
@@ -96,6 +97,13 @@ def test_actions_rewards_frames_and_ends_are_the_environments() -> None:
         assert robot.truncated == (index == 8)
     with pytest.raises(ValueError, match=r"action = 3 is outside 0\.\.2"):
         robot.command(3)
+
+
+@pytest.mark.parametrize(
+    "changes", [{}, {"frame_skip": 2, "max_over_frames": 2}, {"frame_channels": 1}]
+)
+def test_it_passes_the_check(changes: dict[str, Any]) -> None:
+    check_robot(make(**changes))
 
 
 def test_an_action_may_take_several_steps_whose_rewards_add_up() -> None:

@@ -12,6 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from paper import TASKS
 
+from bpn_robot.robot import RobotFault
 from bpn_robot_sim.physics import Physics
 from bpn_robot_sim.reaching import geometry, scene
 from bpn_robot_sim.reaching.robot import ReachingRobot
@@ -91,7 +92,7 @@ def test_impossible_durations_are_refused(seconds: float) -> None:
 
 
 def test_a_robot_that_cannot_settle_is_an_error() -> None:
-    with pytest.raises(RuntimeError, match="did not settle within"):
+    with pytest.raises(RobotFault, match="did not settle within"):
         Physics(scene.mjcf()).advance_until(lambda: False, check_every_steps=50)
 
 

@@ -258,9 +258,10 @@ def test_the_learning_rate_falls_on_a_line_over_the_run(iterations: int, last: f
 
 RANGES: dict[str, tuple[float, float]] = {
     "seed": (0, 2**63 - 1), "frame_channels": (0, 3), "frames_stacked": (0, 16), "frame_skip": (0, 100),
-    "max_over_frames": (1, 100), "action_bins": (0, 64),
     "actions": (0, 64), "iterations": (1, 100_000), "episodes": (1, 10_000), "steps": (1, 1000),
     "epochs": (1, 10_000), "batch": (2, 4096), "datasets": (1, 1000), "nodes": (1, 1024), "learners": (1, 64),
+    "max_over_frames": (1, 100), "action_bins": (0, 64), "evaluate_every": (0, 100_000),
+    "evaluate_episodes": (1, 1000),
     "robots": (1, 64), "alpha": (0, 1), "epsilon_initial": (0, 1), "epsilon_final": (0, 1),
     "learning_rate_final": (0, 1), "learning_rate_last": (0, 1), "action_delay_ms": (0, 2000),
     # above 0

@@ -33,7 +33,7 @@ def test_a_run_is_found_by_the_end_or_beginning_of_its_id(
 
 def test_the_configuration_is_kept(folder: RunFolder) -> None:
     assert folder.config() == RunConfig.bare("reaching", seed=7)
-    (folder.path / "config.json").write_text('{"alpha": 2}')
+    (folder.path / "config.json").write_text('{"task": "reaching", "alpha": 2}')
     with pytest.raises(ConfigError, match=r"config\.json: alpha = 2: .*less than or equal to 1"):
         folder.config()
 

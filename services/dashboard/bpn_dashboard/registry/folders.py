@@ -14,6 +14,7 @@ from bpn_dashboard.registry.about import About
 from bpn_dashboard.registry.errors import UnknownRunError
 from bpn_dashboard.registry.progress import Progress
 from bpn_dashboard.registry.states import observed
+from bpn_shared.runs.config_file import BEFORE_CALLBACKS
 from bpn_shared.runs.folder import RunFolder, is_run_id
 from bpn_shared.runs.trash import Removed, Trash
 from bpn_shared.spec.config import ConfigError
@@ -98,9 +99,10 @@ def name_in_trash(trash: Trash, run_id: str) -> str:
 def config_hash(values: Mapping[str, Any]) -> str:
     """SHA-256 of a configuration's values as canonical JSON.
 
-    Options of `gym:` tasks that are off are left out, so that runs of before there were any are told to be alike.
+    Options of `gym:` tasks, callbacks and warm start that are off are left out, so that runs of before there were
+    any are told to be alike.
     """
-    off = OFF.model_dump()
+    off = OFF.model_dump() | BEFORE_CALLBACKS
     told = {key: value for key, value in values.items() if key not in off or value != off[key]}
     return hashlib.sha256(json.dumps(told, sort_keys=True).encode()).hexdigest()
 

@@ -160,9 +160,9 @@ export function principalOf(...metrics: string[]): string[] {
 }
 
 /** What the page of a run that is evaluated during training opens with too. */
-export function evaluatedOf(task: string, config: Config): string[] {
+export function evaluatedOf(metric: string, config: Config): string[] {
   if (!config.evaluate_every) return [];
-  return task.startsWith('gym:') ? ['eval_return'] : ['eval_return', 'eval_success'];
+  return metric === 'return_px' ? ['eval_return', 'eval_success'] : ['eval_return'];
 }
 
 /** Title and unit of a metric; of an unknown one, the unit is read off the end of its name. */

@@ -127,7 +127,7 @@ test('returns are in pixels unless a Gymnasium environment is among the tasks', 
 });
 
 test('a run that is evaluated opens with its evaluations, of success where tasks define it', () => {
-  expect(evaluatedOf('reaching', { evaluate_every: 0 })).toEqual([]);
-  expect(evaluatedOf('reaching', { evaluate_every: 5 })).toEqual(['eval_return', 'eval_success']);
-  expect(evaluatedOf('gym:CartPole-v1', { evaluate_every: 5 })).toEqual(['eval_return']);
+  expect(evaluatedOf('return_px', { evaluate_every: 0 })).toEqual([]);
+  expect(evaluatedOf('return_px', { evaluate_every: 5 })).toEqual(['eval_return', 'eval_success']);
+  expect(evaluatedOf('return', { evaluate_every: 5 })).toEqual(['eval_return']);
 });
