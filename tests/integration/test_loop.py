@@ -158,6 +158,24 @@ def test_ctrl_c_stops_everything_and_resume_ends_as_if_undisturbed(
     assert folder.state().attempt == 2
 
 
+def test_ctrl_c_as_soon_as_the_run_has_a_name_says_how_to_go_on(
+    tmp_path: Path, command: Command
+) -> None:
+    process = subprocess.Popen(
+        command("train", "reaching", "--json", "--runs-dir", str(tmp_path)),
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    assert process.stderr is not None
+    assert process.stderr.readline().startswith("run ")
+    process.send_signal(signal.SIGINT)
+    output, said = process.communicate(timeout=20)
+    assert process.returncode == 130
+    assert "stopped; go on with: bpn train --resume" in said
+    assert json.loads(output)["state"] == "stopped"
+
+
 def test_a_damaged_checkpoint_fails_once_and_names_the_remedy(
     train: Train, tmp_path: Path, command: Command
 ) -> None:

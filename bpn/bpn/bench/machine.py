@@ -11,9 +11,9 @@ from typing import Any
 import psutil
 
 _PACKAGES = (
-    "bpn", "bpn-shared", "bpn-edge", "bpn-learner", "bpn-robot", "bpn-robot-sim", "eclipse-zenoh", "numpy",
-    "torch", "mujoco", "gymnasium", "onnxruntime", "opencv-python-headless", "pydantic", "msgpack",
-    "safetensors",
+    "bpn", "bpn-shared", "bpn-edge", "bpn-learner", "bpn-robot", "bpn-robot-sim", "bpn-tasks", "bpn-dashboard",
+    "eclipse-zenoh", "numpy", "torch", "mujoco", "gymnasium", "onnxruntime", "opencv-python-headless", "pydantic",
+    "msgpack", "safetensors",
 )  # fmt: skip
 
 

@@ -14,6 +14,7 @@ from bpn.dashboard import Dashboard
 from bpn.errors import CommandError
 from bpn.folder_runs import FolderRuns, run_id_of
 from bpn.terminal import command
+from bpn_dashboard.registry.retention import Rule
 from bpn_shared.errors import InputError, one_line
 
 Runs = Dashboard | FolderRuns
@@ -86,6 +87,7 @@ def empty_trash(options: argparse.Namespace, _runs: Runs) -> int:
 
 def prune(options: argparse.Namespace, runs: Runs) -> int:
     """Moves old runs to the trash."""
+    Rule(options.keep, options.older_than).check()  # before a dashboard is asked: JSON has no NaN
     told = runs.prune(options.keep, options.older_than, dry_run=options.dry_run)
     for item in told:
         if not item["ok"]:

@@ -52,6 +52,7 @@ def run(options: argparse.Namespace) -> int:
     dashboard = Dashboard.find(options.runs_dir)
     gym_modules = modules_here(options)
     folder = folder_of(options, dashboard)
+    stop = stop_on_signals()  # before the run's name is told: an interrupt then says how to go on
     config = folder.config()
     out = Console(file=sys.stderr if options.json else sys.stdout)
     say = partial(out.print, soft_wrap=True, highlight=False, markup=False)
@@ -62,7 +63,6 @@ def run(options: argparse.Namespace) -> int:
         say(f"the policy sees {_SEEN[config.frames_from]}")
     if dashboard is not None:
         say_place(dashboard, say)
-    stop = stop_on_signals()
     if dashboard is None:
         execute(folder, endpoint=private_endpoint(), stop=stop, out=out, gym_modules=gym_modules)
     else:

@@ -233,13 +233,10 @@ class RunConfig(TaskOptions):
 
     @model_validator(mode="after")
     def _possible_stop(self) -> Self:
-        if not self.stop_when:
-            return self
-        metric = StopRule.parse(self.stop_when).metric
-        if metric.startswith("eval_") and not (self.evaluate_every or self.callbacks):
-            raise ValueError(
-                f"stop_when = {self.stop_when!r}: nothing is evaluated: there is no {metric}; set evaluate_every"
-            )
+        if self.stop_when:
+            rule = StopRule.parse(self.stop_when)
+            if not self.callbacks:  # which may add any
+                rule.check(self.task_spec.return_metric, evaluated=bool(self.evaluate_every))
         return self
 
     @model_validator(mode="after")
@@ -360,11 +357,20 @@ def describe(error: ValidationError, source: str) -> str:
         # where several values do not fit together, the message names them
         what = f"{name}{value}: " if name else ""
         whence = f"{source}: " if source else ""
-        lines.append(f"{whence}{what}{_remedy(item['type'], item['msg'])}")
+        lines.append(f"{whence}{what}{_remedy(name, item['type'], item['msg'])}")
     return "\n".join(lines)
 
 
-def _remedy(kind: str, message: str) -> str:
+_FORMS = {
+    "init_from": "must be RUN or RUN:VERSION, RUN a run's id or its end (digits, a to f, -)",
+    "callbacks": "must be names of installed callbacks, separated by commas",
+}
+"""What a pattern wants, in words."""
+
+
+def _remedy(name: str, kind: str, message: str) -> str:
+    if kind == "string_pattern_mismatch" and name in _FORMS:
+        return _FORMS[name]
     if kind == "extra_forbidden":
         return f"unknown; one of: {', '.join(OPTIONS)}"
     return message.removeprefix("Value error, ")

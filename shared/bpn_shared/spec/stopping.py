@@ -13,6 +13,12 @@ _SIGNS: dict[str, Callable[[float, float], bool]] = {
     ">": operator.gt,
     "<": operator.lt,
 }
+_EVALUATED = frozenset({"eval_return", "eval_success", "eval_s"})
+_ALWAYS = frozenset({
+    "iteration", "attempt", "time_unix_s", "episodes", "transitions", "length", "terminated", "successes",
+    "deadline_misses", "loss_first", "loss", "max_preference", "max_target", "scale", "saturation", "epsilon",
+    "updates", "update_s", "exchange_s", "weights_version_lag", "weights_version", "collect_s", "iteration_s",
+})  # fmt: skip
 _RULE = re.compile(r"\s*([A-Za-z][\w.]*)\s*(>=|<=|>|<)\s*(\S+)\s*")
 
 
@@ -41,6 +47,21 @@ class StopRule:
             f"stop_when = {text!r} is no rule: give a metric, one of {', '.join(_SIGNS)}, and a number, "
             "such as 'eval_return >= 475'"
         )
+
+    def check(self, return_metric: str, *, evaluated: bool) -> None:
+        """That the metric is one of those that a run without callbacks of others writes down.
+
+        Raises:
+            ValueError: it is not, so that the rule would never hold.
+        """
+        rule = f"stop_when = '{self.metric} {self.sign} {self.bound:g}'"
+        if self.metric in _EVALUATED and not evaluated:
+            raise ValueError(
+                f"{rule} with evaluate_every = 0: nothing is evaluated; set it above 0"
+            )
+        known = _ALWAYS | _EVALUATED | {return_metric}
+        if self.metric not in known:
+            raise ValueError(f"{rule}: there is no such metric; one of: {', '.join(sorted(known))}")
 
     def why(self, record: Mapping[str, object]) -> str | None:
         """Why an iteration's record ends the run; None if it does not, or lacks the metric."""

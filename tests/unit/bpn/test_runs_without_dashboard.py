@@ -124,6 +124,8 @@ def test_pruned_and_emptied(tmp_path: Path, bpn: Bpn) -> None:
         os.utime(folder.path / "state.json", (number * 1e6, number * 1e6))
     assert "which runs?" in bpn("prune", status=2)
     assert "keep -1" in bpn("prune", "--keep", "-1", status=2)
+    for days in ("nan", "inf", "-1"):
+        assert f"older than {float(days)}: must be" in bpn("prune", "--older-than", days, status=2)
     assert bpn("prune", "--keep", "2", "--dry-run").startswith(f"would remove {UUID(int=1)}")
     assert len(bpn("ls", "--json")) == 3
     told = bpn("prune", "--keep", "1", "--older-than", "1", "--json")

@@ -27,6 +27,7 @@ from bpn_shared.plugins import PluginError
 from bpn_shared.runs.folder import RunFolder
 from bpn_shared.spec.config import ConfigError, RunConfig
 from bpn_shared.spec.seeds import episode_seed
+from bpn_shared.spec.stopping import StopRule
 from bpn_shared.waiting import Waiting
 
 OWN = """
@@ -329,6 +330,16 @@ def test_who_stops_a_run_at_its_last_iteration_did_not_end_it_early(
     assert one.training is not None
     assert one.training.ended_early == ""
     assert own.Seen.calls[-1] == ("run", True, "")
+
+
+def test_any_number_of_a_record_may_end_a_run(tmp_path: Path) -> None:
+    one = loop(tmp_path, **EVALUATED)
+    assert one.run()
+    record = one.folder.metrics()[-1]
+    numbers = {name for name, value in record.items() if isinstance(value, int | float)}
+    assert {"eval_return", "eval_s", "loss", "collect_s", "iteration_s"} <= numbers
+    for name in numbers:
+        StopRule.parse(f"{name} > 1").check("return_px", evaluated=True)
 
 
 def test_an_evaluation_that_cannot_be_played_ends_no_training(

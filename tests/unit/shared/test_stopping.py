@@ -1,4 +1,5 @@
 import operator
+from typing import Any
 
 import pytest
 from hypothesis import given
@@ -33,11 +34,26 @@ def test_what_is_no_rule_is_refused_with_an_example(text: str) -> None:
         RunConfig.for_task("reaching", stop_when=text)
 
 
-def test_a_rule_about_evaluations_needs_some() -> None:
-    with pytest.raises(ConfigError, match=r"there is no eval_success; set evaluate_every"):
-        RunConfig.for_task("reaching", stop_when="eval_success >= 1")
-    for more in ({"evaluate_every": 2}, {"callbacks": "mine"}):
-        assert RunConfig.for_task("reaching", stop_when="eval_success >= 1", **more).stop_when
+def test_a_rule_that_could_never_hold_is_refused_with_what_there_is() -> None:
+    def made(rule: str, **options: Any) -> str:
+        return RunConfig.for_task("reaching", stop_when=rule, **options).stop_when
+
+    with pytest.raises(
+        ConfigError, match=r"'eval_return >= 475' .*evaluate_every = 0.*set it above 0"
+    ):
+        made("eval_return >= 475")
+    for wrong in ("nosuch > 1", "return > 1"):
+        with pytest.raises(ConfigError, match=r"no such metric; one of: .*loss, .*return_px"):
+            made(wrong)
+    assert made("eval_return >= 475", evaluate_every=5)
+    assert made("return_px > -90")
+    assert made("nosuch > 1", callbacks="mine")  # which may add it
+
+
+@pytest.mark.parametrize("option", ["init_from", "callbacks"])
+def test_what_has_another_form_is_told_the_form_in_words(option: str) -> None:
+    with pytest.raises(ConfigError, match=rf"{option} = 'no such': must be [^^]*$"):
+        RunConfig.for_task("reaching", **{option: "no such"})
 
 
 def test_callbacks_have_one_order_and_each_stands_there_once() -> None:

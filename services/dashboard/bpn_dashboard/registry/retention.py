@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from math import inf
 
 from bpn_dashboard.database.tables import RunRow
 from bpn_dashboard.registry.states import is_idle
@@ -35,8 +36,8 @@ class Rule:
                 "which runs? Say how many of the newest to keep, after how many days, or both"
             )
         for name, value in (("keep", self.keep), ("older than", self.older_than_days)):
-            if value is not None and not value >= 0:
-                raise ConfigError(f"{name} {value}: must be 0 or more")
+            if value is not None and not 0 <= value < inf:
+                raise ConfigError(f"{name} {value}: must be 0 or more, and finite")
 
     def outdated(self, rows: Iterable[RunRow], now_unix_s: float) -> list[RunRow]:
         """The runs to take away, oldest first.
