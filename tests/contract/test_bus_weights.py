@@ -125,7 +125,7 @@ GOOD = blob(1, 1)
             GOOD.encode(),
             "header schema 2, this program reads 1",
         ),
-        (_encode_header(GOOD), GOOD.encode()[:-1], "bytes, a blob with"),
+        (_encode_header(GOOD), GOOD.encode()[:-1], "bytes of a weight blob, the header tells of"),
         (_encode_header(GOOD), GOOD.encode() + b"x", "bytes, a binary policy with"),
         (_encode_header(GOOD), bytes(len(GOOD.encode())), "starts with"),
         (_encode_header(GOOD), bytes([*GOOD.encode()[:60], 255, *GOOD.encode()[61:]]), "SHA-256"),
