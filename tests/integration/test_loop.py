@@ -32,7 +32,8 @@ def test_the_summary_accounts_for_everything(undisturbed: dict[str, Any]) -> Non
     assert run["weights_version"] == 4
     assert len(run["returns"]) == len(run["lengths"]) == 4
     folder = RunFolder.open(Path(run["runs_dir"]), run["run_id"])
-    assert run["returns"] == [record["return_px"] for record in folder.metrics()]
+    told = [record["return_px"] for record in folder.metrics()]
+    assert run["returns"] == pytest.approx(told, abs=5e-4)  # which a person reads
     assert run["lengths"] == [STEPS] * 4
     assert 0 < run["edge"]["inference_us"]["p50"] <= run["edge"]["inference_us"]["p99"]
     loop = run["loop"]
@@ -229,7 +230,7 @@ def test_eval_plays_the_runs_policy(
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["train", "flying"], "task = 'flying': unknown; one of: reaching"),
+        (["train", "flying"], "task = 'flying': unknown; one of: gym:"),
         (
             ["train", "reaching", "--alpha", "2"],
             "alpha = '2': Input should be less than or equal to 1",

@@ -17,6 +17,7 @@ from bpn_edge.robot_link import RobotLink
 from bpn_shared.bnn.envelope import BlobError
 from bpn_shared.bnn.outputs import Outputs
 from bpn_shared.messages.action import Action
+from bpn_shared.messages.base import LONGEST_NS
 from bpn_shared.messages.control import Assignment, Reset
 from bpn_shared.messages.episode import Episode
 from bpn_shared.messages.frame import FrameHeader, FrameKind
@@ -233,14 +234,14 @@ class _Game:
         observation = self._recorder.observation()
         start_ns = time.perf_counter_ns()
         outputs = self._memory.run(observation)
-        inference_ns = time.perf_counter_ns() - start_ns
+        inference_ns = min(time.perf_counter_ns() - start_ns, LONGEST_NS)
         self._answer = Action(
             action=self._choose(outputs, self._uniforms[step]),
             step=step,
             weights_version=self._assignment.weights_version,
             reset_id=self._reset_id,
             inference_ns=inference_ns,
-            edge_ns=time.monotonic_ns() - t_receive_ns,
+            edge_ns=min(time.monotonic_ns() - t_receive_ns, LONGEST_NS),
         )
         self._link.send(self._answer)
         self._recorder.add_outputs(outputs, inference_ns, self._answer.edge_ns)

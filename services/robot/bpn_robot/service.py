@@ -22,7 +22,7 @@ from bpn_shared.bus.latest import LatestPublisher, LatestSubscriber, Sample
 from bpn_shared.bus.requests import Responder
 from bpn_shared.bus.sampled import SampledPublisher
 from bpn_shared.messages.action import Action
-from bpn_shared.messages.base import MessageError
+from bpn_shared.messages.base import LONGEST_NS, MessageError
 from bpn_shared.messages.control import Reset, ResetReply
 from bpn_shared.messages.frame import NO_ACTION, NO_REWARD, FrameHeader, FrameKind
 from bpn_shared.messages.preview import PreviewHeader
@@ -47,7 +47,7 @@ class Answer:
 
     @property
     def camera_to_action_ns(self) -> int:
-        return self.t_act_ns - self.t_capture_ns
+        return min(self.t_act_ns - self.t_capture_ns, LONGEST_NS)
 
 
 class RobotService:

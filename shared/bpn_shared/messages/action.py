@@ -14,8 +14,8 @@ class Action(NamedTuple):
 
     Attributes:
         weights_version: of the policy that chose it.
-        inference_ns: time in the kernel.
-        edge_ns: from the frame's arrival at the edge to the sending of this action.
+        inference_ns: time in the kernel, at most `LONGEST_NS`.
+        edge_ns: from the frame's arrival at the edge to the sending of this action, likewise.
     """
 
     action: int

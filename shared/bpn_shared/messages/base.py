@@ -10,6 +10,8 @@ from bpn_shared.version import VERSION
 
 MAX_CONTROL_BYTES = 64 * 1024
 ULONG = 2**64
+LONGEST_NS = 2**32 - 1
+"""Of durations on the wire, 4.3 s: what took longer, as of a process that was frozen, is told as this."""
 
 
 class MessageError(ValueError):

@@ -42,7 +42,7 @@ class FrameHeader(NamedTuple):
         applied_action: the action that led here; `NO_ACTION` in the first frame.
         t_capture_ns: the robot's monotonic clock when the frame was taken.
         camera_to_action_ns: from the capture of the frame before to the arrival of its action
-            (0: none arrived in time), on the robot's clock.
+            (0: none arrived in time), on the robot's clock; at most `LONGEST_NS`.
         deadline_misses: control periods so far in this episode that no action came for.
         reward: of the step that led here, where the robot knows it; `NO_REWARD` otherwise.
         success: what the robot says of the episode so far; None where it does not say.
