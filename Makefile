@@ -68,6 +68,7 @@ $(VENV)/checkov-$(CHECKOV)/bin/checkov:
 
 # Left out: 15 and 43, which want every image fetched again at each start and named by digest: yours are where you put them.
 check-manifests: $(VENV)/checkov-$(CHECKOV)/bin/checkov ## Kubernetes' manifests, as kubectl renders them, against checkov's policies
+	@command -v kubectl >/dev/null || { echo 'check-manifests needs kubectl 1.21 or newer, which renders them: install it first' >&2; exit 1; }
 	kubectl kustomize deploy/kubernetes >$(VENV)/manifests.yaml
 	$< --framework kubernetes --file $(VENV)/manifests.yaml --skip-check CKV_K8S_15,CKV_K8S_43 \
 	  --skip-download --compact --quiet
