@@ -20,7 +20,9 @@ SIGNS = ("random", "random", "all +1", "all -1")
 SMALLEST, LARGEST = NetworkSpec(1, 1, 2), NetworkSpec(16, 1024, 64)
 
 
-def check_kernel(kernel: Kernel, *, networks: int = 100, seed: int = 0) -> None:
+def check_kernel(
+    kernel: Kernel, *, networks: int = 100, seed: int = 0, largest: NetworkSpec = LARGEST
+) -> None:
     """Holds a kernel for binarized policies to `bpn_edge.kernel.Kernel`, and to golden bit by bit.
 
     Networks of random geometry, signs and thresholds, also thresholds that every sum reaches, or none, or that are
@@ -31,13 +33,14 @@ def check_kernel(kernel: Kernel, *, networks: int = 100, seed: int = 0) -> None:
         kernel: without weights yet.
         networks: random ones, beside the smallest and the largest.
         seed: of what is drawn.
+        largest: network that it takes, where it is made for less than any.
 
     Raises:
         AssertionError: it differs; the message names what, and the network.
     """
     rng = np.random.default_rng(seed)
     _check_refusals(kernel)
-    specs = [SMALLEST, LARGEST, *(random_spec(rng) for _ in range(networks))]
+    specs = [SMALLEST, largest, *(random_spec(rng) for _ in range(networks))]
     for number, spec in enumerate(specs):
         image = make_image(IMAGES[number % len(IMAGES)], spec, rng)
         blob = with_signs(WeightBlob.random(spec, rng), [str(rng.choice(SIGNS)) for _ in range(5)])
