@@ -23,6 +23,7 @@ package bpn;
   localparam int TAU_W = 19;
   localparam int GROUP_W = 5;
   localparam int ACTION_GROUP_W = 3;
+  localparam int KEPT_W = 4;
   localparam int WEIGHT_W = 10;
   localparam int ACC_W = 11;
   // Fields of what is kept of a network's sizes.
