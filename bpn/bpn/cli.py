@@ -35,6 +35,7 @@ COMMANDS = {
     "eval": Command("evaluate", "play a trained policy"),
     "verify": Command("verify", "recompute what a run says, in other code"),
     "reproduce": Command("reproduce", "make a figure or table of the paper"),
+    "fpga": Command("fpga", "make and measure the policy as a circuit"),
     "dashboard": Command("dashboard", "care of the dashboard's database"),
     "bench": Command("bench", "measure kernel, learner, learners, loop or dashboard"),
     "doctor": Command("doctor", "check this machine"),

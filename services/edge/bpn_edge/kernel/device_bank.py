@@ -83,14 +83,12 @@ def simulated() -> DeviceBank:
     return DeviceBank("rtl", Device(SimulatedCore(Build())))
 
 
-def mapped() -> DeviceBank:
-    """The kernel `fpga`: the core whose registers are mapped here.
+def connected() -> DeviceBank:
+    """The kernel `fpga`: the core that is at this machine, by mapped registers or at a serial line.
 
     Raises:
         ConfigError: there is no core, or another one.
     """
-    from bpn_edge.fpga.mapped import MappedCore  # noqa: PLC0415 - `rtl` needs no device
+    from bpn_edge.fpga.connected import connected_core  # noqa: PLC0415 - `rtl` needs no device
 
-    return DeviceBank("fpga", Device(MappedCore.found()))
-
-
+    return DeviceBank("fpga", Device(connected_core()))
