@@ -9,7 +9,7 @@ PACKAGES := shared services/edge services/learner services/robot services/robot_
 SOURCES := $(PACKAGES:%=%/bpn*)
 
 .DEFAULT_GOAL := help
-.PHONY: help up test images check-manifests mutants fuzz test-sanitized test-browser test-observability test-environments test-containers test-chaos test-fresh-machine screenshots lint check-claims format bench bench-sweep reproduce reproduce-quick doctor clean
+.PHONY: help up test images check-manifests mutants fuzz test-rtl test-sanitized test-browser test-observability test-environments test-containers test-chaos test-fresh-machine screenshots lint check-claims format bench bench-sweep reproduce reproduce-quick doctor clean
 
 help:            ## this list
 	@grep -hE '^[a-z-]+: .*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 20
@@ -84,6 +84,13 @@ test-chaos: $(INSTALLED) ## every fault that containers may have in the middle o
 test-fresh-machine: ## the README's two commands in a bare container, as root and as a normal user (half an hour; any Docker Engine)
 	deploy/fresh-machine.sh
 
+# The solver and the synthesis beside what `make` installs: PyPI has both, and they have nothing to do with the others' pins.
+test-rtl: $(INSTALLED) ## the core's long suites: networks, swaps and gaps by the hundred, proofs, mutants of the RTL (an hour)
+	$(PIP_INSTALL) -e 'bpn[fpga]' -e 'services/edge[rtl]' z3-solver
+	BPN_RTL_SCALE=25 $(BIN)/pytest tests/rtl
+	PATH="$(abspath $(BIN)):$$PATH" $(BIN)/python services/edge/rtl/formal/prove.py
+	$(BIN)/python -m tests.rtl.mutants --sample 300
+
 mutants: $(INSTALLED) ## how many faults the tests notice, sampled and aimed ones (hours; goes on where it was; MUTANTS="--sample N --seed S")
 	$(BIN)/python -m tests.mutants $(MUTANTS)
 
@@ -136,5 +143,5 @@ $(INSTALLED): constraints.txt pyproject.toml $(PACKAGES:%=%/pyproject.toml) \
 	$(PIP_INSTALL) pip
 	$(PIP_INSTALL) --group build
 	$(PIP_INSTALL) --group dev --no-build-isolation $(PACKAGES:%=-e %) -e 'bpn[bench,media]' \
-	  -e 'services/robot_sim[gym]' -e 'services/learner[tensorboard]'
+	  -e 'services/robot_sim[gym]' -e 'services/learner[tensorboard]' -e 'services/edge[rtl]'
 	touch $@

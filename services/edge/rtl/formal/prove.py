@@ -13,6 +13,7 @@ from pathlib import Path
 
 HERE = Path(__file__).parent
 RTL = HERE.parent
+SOLVER = "yices" if shutil.which("yices-smt2") else "z3"
 
 
 @dataclass(frozen=True)
@@ -51,12 +52,12 @@ def prove(name: str) -> bool:
         connect = "".join(f"connect -set {ours} {theirs}; " for ours, theirs in of.inside.items())
         script = (
             f"read_verilog -sv -formal {files}; hierarchy -top {name}; proc; flatten; {connect}"
-            f"opt -full; memory_map; async2sync; dffunmap; opt_clean; write_smt2 -wires {model}"
+            f"opt -full; memory_map; async2sync; dffunmap; opt_clean -purge; write_smt2 -wires {model}"
         )
         subprocess.run([_tool("yosys"), "-q", "-p", script], check=True)
         for what in ([], ["-i"]):
             began_s = time.monotonic()
-            command = [_tool("yosys-smtbmc"), "-s", "z3", "-t", str(of.clocks), *what, str(model)]
+            command = [_tool("yosys-smtbmc"), "-s", SOLVER, "-t", str(of.clocks), *what, str(model)]
             done = subprocess.run(command, capture_output=True, text=True, check=False)
             passed = done.returncode == 0
             kind = "induction" if what else "from reset"
