@@ -23,7 +23,8 @@ from bpn_shared.errors import InputError
 from bpn_shared.runs.folder import RunFolder
 from bpn_shared.runtime.gym_modules import add_gym_modules, allowed_modules
 from bpn_shared.runtime.service import stop_on_signals
-from bpn_shared.spec.config import Pacing, RunConfig
+from bpn_shared.spec.config import RunConfig
+from bpn_shared.spec.sections import Pacing
 from bpn_shared.spec.tasks import TaskSpec
 
 _FILMS, _PLOTS = (".mp4", ".gif"), (".png", ".svg", ".pdf")

@@ -102,7 +102,9 @@ class WeightBlob:
         Run, attempt and version are left out: equal policies have equal digests whoever made them.
         """
         digest = hashlib.sha256(
-            struct.pack("<HHHf", self.spec.channels, self.spec.nodes, self.spec.actions, self.scale)
+            struct.pack(
+                "<HHHf", self.spec.channels, self.spec.hidden_units, self.spec.actions, self.scale
+            )
         )
         digest.update(self._body())
         return digest.hexdigest()

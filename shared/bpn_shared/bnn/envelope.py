@@ -61,7 +61,7 @@ class Envelope:
         """The policy as bytes."""
         spec = header.spec
         data = self._header.pack(
-            self._magic, self._schema, spec.channels, spec.nodes, spec.actions,
+            self._magic, self._schema, spec.channels, spec.hidden_units, spec.actions,
             header.run.bytes, header.attempt, header.version, header.own,
         ) + body  # fmt: skip
         return data + hashlib.sha256(data).digest()
@@ -76,7 +76,7 @@ class Envelope:
             raise BlobError(
                 f"{len(data)} bytes are fewer than a {self._what}'s header ({self._header.size})"
             )
-        magic, schema, channels, nodes, actions, run, attempt, version, own = (
+        magic, schema, channels, hidden_units, actions, run, attempt, version, own = (
             self._header.unpack_from(data)
         )
         if magic != self._magic:
@@ -86,7 +86,7 @@ class Envelope:
                 f"{self._what} schema {schema}, this program reads {self._schema}: update the older one"
             )
         try:
-            spec = NetworkSpec(channels, nodes, actions)
+            spec = NetworkSpec(channels, hidden_units, actions)
         except ValueError as error:
             raise BlobError(f"impossible geometry: {error}") from error
         return Header(spec, UUID(bytes=run), attempt, version, own)

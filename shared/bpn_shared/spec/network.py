@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 IMAGE_SIZE_PX = 84
 MAX_CHANNELS = 16
-MAX_NODES = 1024
+MAX_HIDDEN_UNITS = 1024
 MAX_ACTIONS = 64
 MAX_PIXEL = 255
 LAYERS = ("conv1", "conv2", "conv3", "fc1", "fc2")
@@ -70,7 +70,7 @@ class NetworkSpec:
 
     Args:
         channels: C, image channels of an observation (stacked frames included), 1..16.
-        nodes: N, nodes of the first fully connected layer, 1..1024.
+        hidden_units: N, units of the first fully connected layer, 1..1024.
         actions: |A|, action preferences, 2..64.
 
     Raises:
@@ -78,12 +78,12 @@ class NetworkSpec:
     """
 
     channels: int
-    nodes: int
+    hidden_units: int
     actions: int
 
     def __post_init__(self) -> None:
         _check("channels", self.channels, 1, MAX_CHANNELS)
-        _check("nodes", self.nodes, 1, MAX_NODES)
+        _check("hidden_units", self.hidden_units, 1, MAX_HIDDEN_UNITS)
         _check("actions", self.actions, 2, MAX_ACTIONS)
 
     @cached_property
@@ -92,7 +92,9 @@ class NetworkSpec:
         conv1 = Layer(LAYERS[0], IMAGE_SIZE_PX, self.channels, 8, 4, 8, MAX_PIXEL)
         conv2 = Layer(LAYERS[1], conv1.out_size, conv1.out_channels, 4, 2, 16, 1)
         conv3 = Layer(LAYERS[2], conv2.out_size, conv2.out_channels, 3, 1, 16, 1)
-        fc1 = Layer(LAYERS[3], conv3.out_size, conv3.out_channels, conv3.out_size, 1, self.nodes, 1)
+        fc1 = Layer(
+            LAYERS[3], conv3.out_size, conv3.out_channels, conv3.out_size, 1, self.hidden_units, 1
+        )
         fc2 = Layer(LAYERS[4], fc1.out_size, fc1.out_channels, 1, 1, self.actions, 1)
         return conv1, conv2, conv3, fc1, fc2
 
@@ -120,4 +122,4 @@ class NetworkSpec:
         return sum(layer.out_channels * layer.fan_in for layer in self.layers)
 
     def __str__(self) -> str:
-        return f"C={self.channels}, N={self.nodes}, |A|={self.actions}"
+        return f"C={self.channels}, N={self.hidden_units}, |A|={self.actions}"

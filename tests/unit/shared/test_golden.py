@@ -11,7 +11,7 @@ from bpn_shared.bnn import golden
 from bpn_shared.bnn.blob import WeightBlob
 from bpn_shared.spec.network import NetworkSpec
 
-SPEC = NetworkSpec(channels=2, nodes=5, actions=3)
+SPEC = NetworkSpec(channels=2, hidden_units=5, actions=3)
 KERNELS = ((8, 4, 20), (4, 2, 9), (3, 1, 7), (7, 1, 1), (1, 1, 1))
 """Kernel, stride and size of the output of each layer, as in the paper."""
 

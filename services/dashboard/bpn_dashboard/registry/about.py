@@ -17,6 +17,7 @@ from bpn_shared.runs.files import write_atomically
 from bpn_shared.runs.folder import RunFolder
 from bpn_shared.runs.opening import read_file
 from bpn_shared.spec.config import ConfigError
+from bpn_shared.spec.renamed import renamed, renamed_grid
 
 _FILE = "about.json"
 SWEEPS = "sweeps"
@@ -117,7 +118,11 @@ class SweepFile(BaseModel):
     def decode(cls, data: bytes) -> Self:
         """Reads what `write` wrote, and files without a digest, of before there was one.
 
+        Values that had another name then have today's.
+
         Raises:
             DamagedError, ValidationError: damaged.
         """
-        return cls.model_validate_json(json.dumps(unseal(data)[0]))
+        sweep = cls.model_validate_json(json.dumps(unseal(data)[0]))
+        today = {"config": renamed(sweep.config), "grid": renamed_grid(sweep.grid)}
+        return sweep.model_copy(update=today)
