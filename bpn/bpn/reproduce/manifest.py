@@ -13,7 +13,6 @@ from bpn_shared.runs.files import write_atomically
 from bpn_shared.runs.folder import RunFolder
 from bpn_shared.spec.config import OPTIONS, ConfigError, RunConfig
 
-
 _SCHEMA = 2
 
 

@@ -61,7 +61,10 @@ def test_every_task_has_a_preset_and_observations_of_its_network(task: TaskSpec)
             {"task": "flying"},
             "task = 'flying': unknown; one of: gym:[MODULE:]ENVIRONMENT-ID, pan_tilt, reaching, tracking",
         ),
-        ({"algorithm": "sarsa"}, "algorithm = 'sarsa': algorithm 'sarsa' is not installed here; there are: bpn, bqn"),
+        (
+            {"algorithm": "sarsa"},
+            "algorithm = 'sarsa': algorithm 'sarsa' is not installed here; there are: bpn, bqn",
+        ),
         (
             {"algorithm": "dpp", "alpha": 0.9},
             "alpha = 0.9: algorithm 'dpp' has alpha = 1; leave alpha out",
