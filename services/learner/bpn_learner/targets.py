@@ -4,7 +4,6 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, Protocol
 
-import torch
 from torch import Tensor
 
 from bpn_learner.cvi import cvi_target, dqn_target
@@ -56,13 +55,16 @@ def target_values(name: str, data: TargetInputs, settings: TargetSettings) -> Te
     """Y of the installed targets of that name.
 
     Raises:
-        PluginError: they are not installed here, broken, or give something else than float32[n].
+        PluginError: they are not installed here, broken, or give something else than rewards' type and shape.
     """
     plugin = plugins.find(plugins.TARGETS, name)
     y = plugin.call(data, settings)
-    if not (isinstance(y, Tensor) and y.dtype == torch.float32 and y.shape == data.reward.shape):
+    if not (
+        isinstance(y, Tensor) and y.dtype == data.reward.dtype and y.shape == data.reward.shape
+    ):
         found = f"{y.dtype}{list(y.shape)}" if isinstance(y, Tensor) else type(y).__name__
-        raise plugin.broken(f"it gives {found}, not float32[{len(data.reward)}]")
+        expected = f"{data.reward.dtype}[{len(data.reward)}]"
+        raise plugin.broken(f"it gives {found}, not {expected}")
     return y.detach()
 
 
