@@ -23,7 +23,11 @@ const SCHEMA: ConfigSchema = {
       invented_later: { type: 'integer', default: 1 },
     },
   },
-  presets: { pointing: { hidden_units: 256 }, sorting: { beta: 3 }, 'gym:': { beta: 2, hidden_units: 50 } },
+  presets: {
+    pointing: { hidden_units: 256 },
+    sorting: { beta: 3 },
+    'gym:': { beta: 2, hidden_units: 50 },
+  },
   tasks: [
     { name: 'pointing', title: 'Pointing', ...TASK },
     { name: 'sorting', title: 'Sorting', ...TASK },
@@ -69,7 +73,11 @@ test('what a number prints as is read back', () => {
 });
 
 test('a task has its preset over the defaults', () => {
-  expect(presetOf(SCHEMA, 'pointing')).toMatchObject({ hidden_units: 256, beta: 1, task: 'pointing' });
+  expect(presetOf(SCHEMA, 'pointing')).toMatchObject({
+    hidden_units: 256,
+    beta: 1,
+    task: 'pointing',
+  });
   expect(presetOf(SCHEMA, 'sorting')).toMatchObject({ hidden_units: 100, beta: 3 });
 });
 
@@ -93,7 +101,12 @@ test('a Gymnasium environment has the preset of its kind, and needs an id', () =
 });
 
 test('only what differs from the preset is asked for', () => {
-  const draft = draftOf(SCHEMA, { task: 'pointing', hidden_units: 256, alpha: 0.8, algorithm: 'bqn' });
+  const draft = draftOf(SCHEMA, {
+    task: 'pointing',
+    hidden_units: 256,
+    alpha: 0.8,
+    algorithm: 'bqn',
+  });
   expect(read(SCHEMA, draft)).toMatchObject({
     config: { task: 'pointing', alpha: 0.8, algorithm: 'bqn' },
     runs: 1,
@@ -103,7 +116,7 @@ test('only what differs from the preset is asked for', () => {
   draft.texts = { beta: '3', hidden_units: 'many' };
   expect(read(SCHEMA, draft)).toMatchObject({
     config: { task: 'sorting', algorithm: 'bqn' },
-    wrong: { nodes: 'must be a number' },
+    wrong: { hidden_units: 'must be a number' },
   });
 });
 
@@ -125,7 +138,7 @@ test('a sweep is its grid times its seeds, and says where it is wrong', () => {
   draft.axes = [{ key: 'hidden_units', text: '100 100' }];
   draft.seeds = '5-2';
   expect(read(SCHEMA, draft).wrong).toEqual({
-    'grid.nodes': '100 stands twice',
+    'grid.hidden_units': '100 stands twice',
     seeds: '5-2: must rise, and by less than 1000',
   });
   draft.axes = [{ key: 'hidden_units', text: '1-900' }];
