@@ -146,3 +146,13 @@ class Run:
         from bpn.policy import Policy  # noqa: PLC0415 - it loads a kernel
 
         return Policy(self.config, self.weights(version), kernel=kernel)
+
+    def export(self, form: str, path: Path | None = None, *, version: Version = None) -> list[Path]:
+        """Writes the run, or its policy, in another format; `bpn.export.formats.export` says which.
+
+        Raises:
+            InputError: the format is unknown or not for this run, or the path cannot be written.
+        """
+        from bpn.export.formats import export  # noqa: PLC0415 - it imports this module
+
+        return export(self, form, path, version=version)
