@@ -51,7 +51,7 @@ def qonnx_model(blob: WeightBlob) -> Any:
         raw, signs = f"{layer.name}_weights", f"{layer.name}_signs"
         graph.constant(raw, graph.kernels(index))
         graph.node("BipolarQuant", [raw, "one"], signs, domain=_QONNX_DOMAIN, follow=False)
-            graph.shape(signs, graph.kernels(index).shape)
+        graph.shape(signs, graph.kernels(index).shape)
         graph.sums(layer, signs)
         if index < len(blob.thresholds):
             graph.constant(f"{layer.name}_thresholds", graph.thresholds(index).reshape(-1, 1))
