@@ -35,7 +35,7 @@ def by_onnx_runtime(blob: WeightBlob, pixels: np.ndarray) -> dict[str, np.ndarra
 def by_qonnx(blob: WeightBlob, pixels: np.ndarray) -> dict[str, np.ndarray]:
     model = ModelWrapper(encode(qonnx_model(blob)))
     # Its executor makes a model of every node, in onnx's newest form, which ONNX Runtime reads only months later.
-    with patch.object(onnx.helper, "IR_VERSION", model.model.ir_version):
+    with patch.object(onnx, "IR_VERSION", model.model.ir_version):
         found: dict[str, np.ndarray] = execute_onnx(
             model, {INPUT: pixels}, return_full_exec_context=True
         )
