@@ -1,11 +1,12 @@
 import contextlib
 import json
+import logging
 import socket
 import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -29,6 +30,18 @@ def wait_for(condition: Callable[[], object], what: str, timeout_s: float = DEAD
         if time.monotonic() > deadline_s:
             pytest.fail(f"waited {timeout_s:.0f} s for {what}")
         pause.wait(0.01)
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_protocol() -> Generator[None, object, object]:
+    """A service that a test runs in this process sets up its log; the next test finds the log as it was."""
+    root = logging.getLogger()
+    level, handlers = root.level, root.handlers[:]
+    try:
+        return (yield)
+    finally:
+        root.setLevel(level)
+        root.handlers[:] = handlers
 
 
 @pytest.fixture(name="wait_for", scope="session")
