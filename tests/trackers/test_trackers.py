@@ -97,8 +97,14 @@ def history(folder: Path, name: str) -> list[tuple[int, float]]:
     ]
 
 
-def test_weights_and_biases_gets_every_number_and_the_configuration(folder: Path) -> None:
+def test_weights_and_biases_gets_every_number_and_the_configuration(
+    folder: Path, wait_for: Callable[..., None]
+) -> None:
     attempt(WeightsAndBiases, folder, 0, [-3.0, -2.0], reason="good enough")
+    wait_for(
+        lambda: any(found.HasField("exit") for found in records(folder)),
+        "W&B's process to have written all",
+    )
     assert history(folder, "return_px") == [(0, -3.0), (1, -2.0)]
     assert history(folder, "returns_px") == history(folder, "weights_sha256") == []
     (run,) = [found.run for found in records(folder) if found.HasField("run")]
