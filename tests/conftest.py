@@ -11,6 +11,7 @@ from typing import Any
 
 import pytest
 from hypothesis import settings
+from process_state import kept
 
 from bpn_shared.bus.session import Bus
 
@@ -19,6 +20,13 @@ DEADLINE_S = 20.0
 # A busy machine is no failure; examples that hang end with pytest's own time limit.
 settings.register_profile("bpn", deadline=None)
 settings.load_profile("bpn")
+
+
+@pytest.fixture(autouse=True)
+def _process_as_it_was() -> Iterator[None]:
+    """What a test does to its process, as commands do to theirs, no other test sees."""
+    with kept():
+        yield
 
 
 def wait_for(condition: Callable[[], object], what: str, timeout_s: float = DEADLINE_S) -> None:
