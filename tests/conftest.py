@@ -1,6 +1,5 @@
 import contextlib
 import json
-import socket
 import subprocess
 import sys
 import threading
@@ -11,6 +10,7 @@ from typing import Any
 
 import pytest
 from hypothesis import settings
+from ports import free_tcp_port
 from process_state import kept
 
 from bpn_shared.bus.session import Bus
@@ -42,13 +42,6 @@ def wait_for(condition: Callable[[], object], what: str, timeout_s: float = DEAD
 @pytest.fixture(name="wait_for", scope="session")
 def _wait_for() -> Callable[..., None]:
     return wait_for
-
-
-def free_tcp_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        port: int = probe.getsockname()[1]
-        return port
 
 
 @pytest.fixture(name="free_tcp_port", scope="session")
