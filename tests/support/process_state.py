@@ -2,22 +2,17 @@
 
 import contextlib
 import logging
-import os
 import signal
 import sys
 from collections.abc import Iterator
 
-_OURS = "BPN_"
 _SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
 @contextlib.contextmanager
 def kept() -> Iterator[None]:
-    """All of it is afterwards what it was, whatever the body makes of it.
-
-    Of the environment, what libraries add while they are imported stays: they look at it once.
-    """
-    root, environment, folder = logging.getLogger(), dict(os.environ), os.getcwd()
+    """All of it is afterwards what it was, whatever the body makes of it."""
+    root = logging.getLogger()
     levels = {logger: (logger.level, logger.disabled) for logger in (root, *_loggers())}
     logged_by, handlers = (
         root.handlers[:],
@@ -37,10 +32,6 @@ def kept() -> Iterator[None]:
                 logger.disabled = disabled
                 if logger.level != level:  # setting it is slow
                     logger.setLevel(level)
-            os.chdir(folder)
-            for name in [name for name in os.environ if name.startswith(_OURS)]:
-                del os.environ[name]
-            os.environ.update(environment)
 
 
 def _loggers() -> Iterator[logging.Logger]:
