@@ -25,7 +25,7 @@ from minibatches import (
 from torch import Tensor
 
 from bpn_learner.group import ALONE, DistributedGroup, Group, GroupLostError
-from bpn_learner.handout import MAX_BYTES, hand_out, take
+from bpn_learner.handout import hand_out, take
 from bpn_learner.initial import initial_policy
 from bpn_learner.minibatch import minibatch_gradients
 from bpn_learner.networks import PNetwork
@@ -255,19 +255,5 @@ def test_an_update_of_another_run_is_refused(members: Members) -> None:
         else:
             with pytest.raises(GroupLostError, match="no update of this run"):
                 take(group, *initial_policy(theirs))
-
-    members(work)
-
-
-@pytest.mark.parametrize("size", [0, -1, MAX_BYTES + 1])
-def test_an_update_of_an_impossible_size_is_refused(members: Members, size: int) -> None:
-    config = config_of("binary", members.size)
-
-    def work(group: DistributedGroup) -> None:
-        if group.rank == 0:
-            group.broadcast(torch.tensor([size]))
-        else:
-            with pytest.raises(GroupLostError, match=f"rank 0 tells {size} bytes"):
-                take(group, *initial_policy(config))
 
     members(work)
