@@ -17,8 +17,11 @@ help:            ## this list
 up: $(INSTALLED) ## start the dashboard and workers, with a first run
 	$(BIN)/bpn up
 
-test: lint       ## lint, then every test that takes seconds, then those that take minutes
-	$(BIN)/pytest tests --ignore=tests/browser --ignore=tests/observability
+# Whole files beside each other, in the order in which they stand: those that take minutes come first.
+BESIDE ?= 2
+
+test: lint       ## lint, then every test, two files beside each other (BESIDE=N), then those of browser and Prometheus
+	$(BIN)/pytest tests --ignore=tests/browser --ignore=tests/observability -n $(BESIDE) --dist loadfile --no-loadscope-reorder
 	$(MAKE) test-browser test-observability
 
 test-sanitized: $(INSTALLED) ## both C++ kernels under the address and undefined-behaviour sanitizers (minutes)
