@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from bpn.evaluation.outcome import distinct_trials, outcome, summarize
-from bpn.evaluation.trials import OnProgress, PlayedPolicy, Say, Trials, play
+from bpn.evaluation.trials import OnProgress, PlayedPolicy, Say, TrialPlan, play
 from bpn.run import Run, Version
 from bpn.this_machine import ThisMachine
 from bpn_shared.errors import InputError
@@ -73,7 +73,7 @@ def evaluate(
         "robots": robots,
         "kernel": kernel or run.config.kernel,
     }
-    played = Trials(trials, policy, run.config.seed if seed is None else seed, changes)
+    played = TrialPlan(trials, policy, run.config.seed if seed is None else seed, changes)
     config, weights = played.config(run.config), run.weights(version)
     modules = allowed_modules(",".join(gym_modules))
     ThisMachine(modules).check_playing(config)
