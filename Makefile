@@ -140,6 +140,17 @@ dist: $(BUILDER)/.installed ## source distributions and wheels of everything int
 test-dist: dist $(DEV) ## the wheels in clean environments of all PYTHONS, without compiler and Node: `bpn up` in an empty folder
 	BPN_DIST=1 BPN_PYTHONS="$(PYTHONS)" $(BIN)/pytest tests/dist
 
+# Its packages are none of ours, and read the sources without importing them.
+DOCS := $(VENV)/docs
+$(DOCS)/.installed: pyproject.toml constraints.txt
+	$(PYTHON) -m venv $(DOCS)
+	$(DOCS)/bin/python -m pip install --disable-pip-version-check -q -c constraints.txt pip
+	$(DOCS)/bin/python -m pip install --disable-pip-version-check -q -c constraints.txt --group docs
+	touch $@
+
+docs: $(DOCS)/.installed ## the docs site into site/, searchable offline; a warning is an error
+	NO_MKDOCS_2_WARNING=1 $(DOCS)/bin/mkdocs build --strict --quiet
+
 coverage: $(DEV) ## which lines unit and contract tests run, in htmlcov/
 	$(BIN)/coverage run -m pytest -q tests/unit tests/contract
 	$(BIN)/coverage html -q
@@ -175,7 +186,7 @@ doctor: $(INSTALLED) ## what this machine has, for bug reports
 	$(BIN)/bpn doctor
 
 clean:           ## remove what `make` installed and built; runs stay
-	rm -rf $(VENV) services/dashboard/web/node_modules services/dashboard/bpn_dashboard/static services/*/build services/edge/bpn_edge/kernel/*.so services/learner/bpn_learner/*.so
+	rm -rf $(VENV) dist site htmlcov services/dashboard/web/node_modules services/dashboard/bpn_dashboard/static services/*/build services/edge/bpn_edge/kernel/*.so services/learner/bpn_learner/*.so
 
 # The compiled kernels and the web UI are part of the editable installs, so their sources are among the prerequisites.
 $(INSTALLED): constraints.txt pyproject.toml $(PACKAGES:%=%/pyproject.toml) \
