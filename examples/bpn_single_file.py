@@ -87,7 +87,7 @@ class Network:
         self.mean = torch.zeros(channels, dtype=torch.float64)
         # before any data: what random signs give, with inputs +-1 or pixels uniform in 0..255
         most = [BLACK_TO_WHITE**2 / 3, 1, 1, 1]
-        of = zip(self.outputs, self.fan_in, most, strict=True)
+        of = zip(self.outputs[:-1], self.fan_in[:-1], most, strict=True)
         self.var = torch.cat([torch.full((c,), n * m, dtype=torch.float64) for c, n, m in of])
         self.parameters = [self.latent, self.gain, self.bias, self.log_scale]
         for parameter in self.parameters:
