@@ -10,6 +10,7 @@ from fastapi.testclient import TestClient
 from bpn.cli import parse
 from bpn.commands import train
 from bpn.dashboard import Dashboard
+from bpn.training import say_place
 from bpn_dashboard.api.app import create_app
 from bpn_dashboard.api.context import Context
 from bpn_dashboard.database.engine import Database, sqlite_url
@@ -268,6 +269,6 @@ def test_runs_that_go_first_are_told(served: Served) -> None:
     said: list[str] = []
     for expected in ([], ["1 run before it"], ["2 runs before it"]):
         served.post("/runs", {"config": {"task": "reaching"}})
-        train.say_place(served.dashboard, said.append)
+        say_place(served.dashboard, said.append)
         assert [line.split(";")[0] for line in said] == expected
         said.clear()
