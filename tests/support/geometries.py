@@ -21,7 +21,7 @@ def geometries(channels: Sequence[int], nodes: int, actions: int) -> st.SearchSt
 def shapes(
     draw: st.DrawFn, *, image_px: int = 40, outputs: int = 20, nodes: int = 70
 ) -> NetworkSpec:
-    """Networks with convolutions of their own, over images of up to so many pixels, and 1 to 4 action dimensions."""
+    """Convolutions of their own over images of up to so many pixels; actions of 1 to 4 dimensions."""
     size = whole = draw(st.integers(8, image_px))
     convolutions = []
     for _ in range(draw(st.integers(1, 4))):

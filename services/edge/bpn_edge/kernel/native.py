@@ -6,7 +6,7 @@ from bpn_shared.bnn.blob import Parameters
 from bpn_shared.bnn.envelope import BlobError
 from bpn_shared.bnn.golden import Integers, Observation
 from bpn_shared.bnn.weights import Weights
-from bpn_shared.spec.network import LAYERS
+from bpn_shared.spec.network import NetworkSpec
 
 
 def available_paths() -> tuple[str, ...]:
@@ -32,6 +32,7 @@ class NativeKernel:
             raise ValueError(f"path = {path!r} does not run here; one of: {', '.join(paths)}")
         self.path = path or paths[0]
         self._network: _native.Network | None = None
+        self._spec: NetworkSpec | None = None
 
     def load(self, weights: Weights) -> None:
         """See `Kernel.load`; runs that have begun end with the weights they began with."""
@@ -39,6 +40,7 @@ class NativeKernel:
         self._network = _native.Network(
             self.path, blob.spec.channels, blob.weights, blob.thresholds
         )
+        self._spec = blob.spec
 
     def read_back(self) -> Parameters:
         """See `Kernel.read_back`; unpacked from the memory that the forward pass reads."""
@@ -47,8 +49,10 @@ class NativeKernel:
             weights, thresholds = network.read_back()
         except RuntimeError as error:
             raise BlobError(f"the {self.name} kernel: {error}") from error
-        return {f"weights of {name}": w for name, w in zip(LAYERS, weights, strict=True)} | {
-            f"thresholds of {name}": t for name, t in zip(LAYERS, thresholds, strict=False)
+        assert self._spec is not None
+        names = [layer.name for layer in self._spec.layers]
+        return {f"weights of {name}": w for name, w in zip(names, weights, strict=True)} | {
+            f"thresholds of {name}": t for name, t in zip(names, thresholds, strict=False)
         }
 
     def checksum(self) -> int:
