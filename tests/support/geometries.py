@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 
+from hypothesis import assume
 from hypothesis import strategies as st
 
 from bpn_shared.spec.network import Convolution, NetworkSpec
@@ -30,10 +31,12 @@ def shapes(
         stride = draw(st.integers(max(1, kernel // 4), kernel))
         convolutions.append(Convolution(kernel, stride, draw(st.integers(1, outputs))))
         size = (size - kernel) // stride + 1
+    N = draw(st.integers(1, nodes))
+    assume(size * size * convolutions[-1].channels * N < 300_000)  # the weights of FC(N)
     dims = draw(st.lists(st.integers(2, 9), min_size=1, max_size=4))
     return NetworkSpec(
         channels=draw(st.integers(1, 6)),
-        nodes=draw(st.integers(1, nodes)),
+        nodes=N,
         actions=sum(dims),
         convolutions=tuple(convolutions),
         image_px=whole,
