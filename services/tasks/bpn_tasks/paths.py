@@ -26,8 +26,8 @@ def reaching_path_px(frames: Frames, *, exact: bool = True) -> tuple[Positions, 
 
     Args:
         frames: uint8[T+1, 1, 84, 84].
-        exact: whether both have exactly their levels, as a simulator draws them; if less than half of what is about
-            as bright in the first frame has, or this is False, they are found as `sightings` does.
+        exact: whether both have exactly their levels, as a simulator draws them; if less than half of what is
+            about as bright in the first frame has, or this is False, they are found as `sightings` does.
 
     Returns:
         float64[2] and float64[T+1, 2], (x, y) in pixels.

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from bpn_shared.camera.jpeg import compressed
-from bpn_shared.spec.disturbances import KINDS, Range
+from bpn_shared.spec.disturbances import KINDS, Range, drawn
 from bpn_shared.spec.network import MAX_PIXEL
 from bpn_shared.spec.seeds import disturbance_uniforms, pixel_generator
 
@@ -30,13 +30,9 @@ class EpisodeCamera:
 
     def __init__(self, levels: Mapping[str, Range], seed: int) -> None:
         self._seed = seed
-        uniforms = disturbance_uniforms(seed, len(KINDS))
-        self._levels = {
-            name: low + (high - low) * float(uniforms[KINDS[name].number, 0])
-            for name, (low, high) in levels.items()
-        }
-        share = self._levels.get("white_balance", 0.0)
-        self._balance = 1 + share * (2 * uniforms[KINDS["white_balance"].number, 1:] - 1)
+        self._levels = drawn(levels, seed)
+        balance = disturbance_uniforms(seed, len(KINDS))[KINDS["white_balance"].number, 1:]
+        self._balance = 1 + self._levels.get("white_balance", 0.0) * (2 * balance - 1)
 
     @property
     def levels(self) -> dict[str, float]:

@@ -12,6 +12,7 @@ from typing import Annotated
 from pydantic import AfterValidator
 
 from bpn_shared.errors import InputError
+from bpn_shared.spec.seeds import disturbance_uniforms
 
 Range = tuple[float, float]
 
@@ -109,6 +110,15 @@ def shown(levels: Mapping[str, Range]) -> str:
 def of_scope(levels: Mapping[str, Range], scope: str) -> dict[str, Range]:
     """Those that concern pictures, servos or time."""
     return {name: level for name, level in levels.items() if KINDS[name].scope == scope}
+
+
+def drawn(levels: Mapping[str, Range], episode_seed: int) -> dict[str, float]:
+    """Each kind's level in an episode, uniform in its range; no kind changes what another draws."""
+    uniforms = disturbance_uniforms(episode_seed, len(KINDS))
+    return {
+        name: low + (high - low) * float(uniforms[KINDS[name].number, 0])
+        for name, (low, high) in levels.items()
+    }
 
 
 def _shown(level: Range) -> str:
