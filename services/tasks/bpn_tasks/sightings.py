@@ -86,7 +86,8 @@ def likeness(frame: npt.NDArray[np.uint8], rgb: tuple[int, int, int]) -> Image:
     colour = np.array(rgb, np.float32)
     direction = colour - colour.mean()
     seen = cv2.medianBlur(np.ascontiguousarray(frame.transpose(1, 2, 0)), 3).astype(np.float32)
-    return cv2.GaussianBlur(seen @ (direction / (direction @ direction)), (3, 3), 0)
+    alike: Image = seen @ (direction / (direction @ direction))
+    return _blurred(alike)
 
 
 def exactness(frame: npt.NDArray[np.uint8], disc: Disc) -> float:
@@ -125,8 +126,12 @@ def hand_and_target(frames: Frames) -> tuple[list[Sighting | None], Sighting | N
     return hands, target
 
 
+def _blurred(image: Image) -> Image:
+    return np.asarray(cv2.GaussianBlur(image, (3, 3), 0), np.float32)
+
+
 def _smooth(image: Image) -> Image:
-    return cv2.blur(image, (5, 5))
+    return np.asarray(cv2.blur(image, (5, 5)), np.float32)
 
 
 def _largest(mask: npt.NDArray[np.uint8]) -> npt.NDArray[np.uint8] | None:
@@ -137,7 +142,8 @@ def _largest(mask: npt.NDArray[np.uint8]) -> npt.NDArray[np.uint8] | None:
     label = 1 + int(np.argmax(statistics[1:, cv2.CC_STAT_AREA]))
     if statistics[label, cv2.CC_STAT_AREA] < _FEWEST_PX:
         return None
-    return (labels == label).astype(np.uint8)
+    blob: npt.NDArray[np.uint8] = (labels == label).astype(np.uint8)
+    return blob
 
 
 def _within(
@@ -165,7 +171,7 @@ def _without(image: Image, where: tuple[int, int], radius_px: float, level: floa
 
 def _measured(image: Image, where: tuple[int, int], radius_px: float, edge: float) -> Sighting:
     """The centroid of what is brighter than the edge around a pixel."""
-    bright = cv2.GaussianBlur(image, (3, 3), 0) > edge
+    bright = _blurred(image) > edge
     near = (bright & _within(image.shape, where, radius_px + 2)).astype(np.uint8)
     moments = cv2.moments(near, binaryImage=True)
     area, expected = moments["m00"], np.pi * radius_px**2
