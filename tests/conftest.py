@@ -1,7 +1,5 @@
 import contextlib
 import json
-import logging
-import socket
 import subprocess
 import sys
 import threading
@@ -12,6 +10,8 @@ from typing import Any
 
 import pytest
 from hypothesis import settings
+from ports import free_tcp_port
+from process_state import kept
 
 from bpn_shared.bus.session import Bus
 
@@ -20,6 +20,13 @@ DEADLINE_S = 20.0
 # A busy machine is no failure; examples that hang end with pytest's own time limit.
 settings.register_profile("bpn", deadline=None)
 settings.load_profile("bpn")
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_protocol() -> Generator[None, object, object]:
+    """What a test does to its process, as commands do to theirs, the next test does not see."""
+    with kept():
+        return (yield)
 
 
 def wait_for(condition: Callable[[], object], what: str, timeout_s: float = DEADLINE_S) -> None:
@@ -32,28 +39,9 @@ def wait_for(condition: Callable[[], object], what: str, timeout_s: float = DEAD
         pause.wait(0.01)
 
 
-@pytest.hookimpl(wrapper=True)
-def pytest_runtest_protocol() -> Generator[None, object, object]:
-    """A service that a test runs in this process sets up its log; the next test finds the log as it was."""
-    root = logging.getLogger()
-    level, handlers = root.level, root.handlers[:]
-    try:
-        return (yield)
-    finally:
-        root.setLevel(level)
-        root.handlers[:] = handlers
-
-
 @pytest.fixture(name="wait_for", scope="session")
 def _wait_for() -> Callable[..., None]:
     return wait_for
-
-
-def free_tcp_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        port: int = probe.getsockname()[1]
-        return port
 
 
 @pytest.fixture(name="free_tcp_port", scope="session")

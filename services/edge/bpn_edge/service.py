@@ -5,22 +5,27 @@ from contextlib import closing
 
 from bpn_edge.decisions import DecisionFeed
 from bpn_edge.driver import Choose, EpisodeDriver, EpisodeFault
+from bpn_edge.kernel import usable_kernels
 from bpn_edge.learner_link import LearnerLink, Pace
 from bpn_edge.memory import WeightMemory
 from bpn_edge.policy import epsilon_greedy_action, softmax_action
 from bpn_edge.robot_link import RobotLink
+from bpn_shared import plugins
 from bpn_shared.bnn.weights import Weights
 from bpn_shared.bus.weights import WeightsSubscriber
 from bpn_shared.messages.control import Assignment
 from bpn_shared.runtime.entry import run_slot_worker, slot_options, slot_parser
 from bpn_shared.runtime.faults import FaultReporter
+from bpn_shared.runtime.leased import Abilities
 from bpn_shared.runtime.worker import EXIT_FINISHED, Worker
-from bpn_shared.spec.config import RunConfig
+from bpn_shared.spec.config import Pacing, RunConfig
+from bpn_shared.spec.tasks import TaskSpec
 
 log = logging.getLogger(__name__)
 
 _WEIGHTS_TIMEOUT_S = 1.0
-_SILENCE_S = 1.0
+_LEAST_SILENCE_S = 1.0
+_SILENT_PERIODS = 5
 
 
 def chooser(config: RunConfig, assignment: Assignment, scale: float) -> Choose:
@@ -28,6 +33,12 @@ def chooser(config: RunConfig, assignment: Assignment, scale: float) -> Choose:
     if assignment.policy == "softmax":
         return lambda outputs, uniform: softmax_action(outputs, scale, config.beta, uniform)
     return lambda outputs, uniform: epsilon_greedy_action(outputs, assignment.epsilon, uniform)
+
+
+def longest_silence_s(task: TaskSpec, pacing: Pacing) -> float:
+    """Without a frame for so long, the robot is asked again; in realtime it sends one each control period."""
+    periods_s = _SILENT_PERIODS * task.control_period_s if pacing == "realtime" else 0.0
+    return max(_LEAST_SILENCE_S, periods_s)
 
 
 def serve(worker: Worker, config: RunConfig) -> int:
@@ -48,7 +59,6 @@ def serve(worker: Worker, config: RunConfig) -> int:
         held=lambda: memory.rank,
         kind=config.algorithm_spec.network,
     )
-    period_s = task.control_period_s if config.pacing == "realtime" else 0.0
     with closing(DecisionFeed(worker)) as feed:
         driver = EpisodeDriver(
             worker,
@@ -56,7 +66,7 @@ def serve(worker: Worker, config: RunConfig) -> int:
             RobotLink(worker, task),
             memory,
             feed,
-            silence_s=max(_SILENCE_S, 5 * period_s),
+            silence_s=longest_silence_s(task, config.pacing),
         )
         learner, pace = LearnerLink(worker), Pace()
         while not worker.stop.is_set():
@@ -102,4 +112,5 @@ def serve(worker: Worker, config: RunConfig) -> int:
 def main(argv: list[str] | None = None) -> int:
     """The edge service."""
     options = slot_options(slot_parser("edge", __doc__), argv)
-    return run_slot_worker("edge", options, serve)
+    abilities = Abilities(plugins={plugins.KERNELS.name: usable_kernels()})
+    return run_slot_worker("edge", options, serve, abilities=abilities)

@@ -26,7 +26,7 @@ class EpisodeData:
     frames: npt.NDArray[np.uint8]
     actions: npt.NDArray[np.integer]
     rewards: npt.NDArray[np.floating]
-    terminated: bool = False
+    terminated: bool
 
 
 @dataclass(frozen=True, eq=False)
