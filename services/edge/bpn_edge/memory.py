@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from bpn_edge.kernel import Kernel, load
+from bpn_edge.kernel import Kernel, banks
 from bpn_shared.bnn import golden
 from bpn_shared.bnn.blob import WeightBlob
 from bpn_shared.bnn.envelope import BlobError
@@ -39,7 +39,7 @@ class WeightMemory:
     """
 
     def __init__(self, kernel: KernelName, counters: Counters) -> None:
-        self._active, self._idle = load(kernel), load(kernel)
+        self._active, self._idle = banks(kernel)
         self._counters = counters
         self._changed = threading.Condition()
         self._offered: Weights | None = None
