@@ -9,7 +9,7 @@ PACKAGES := shared services/edge services/learner services/robot services/robot_
 SOURCES := $(PACKAGES:%=%/bpn*)
 
 .DEFAULT_GOAL := help
-.PHONY: help up test images check-manifests mutants fuzz test-sanitized test-browser test-observability test-environments test-trackers test-containers test-chaos test-fresh-machine screenshots lint check-claims format bench bench-sweep reproduce reproduce-quick doctor clean
+.PHONY: help up test images check-manifests mutants fuzz test-sanitized test-browser test-observability test-environments test-trackers test-containers test-chaos test-fresh-machine screenshots lint check-claims version format bench bench-sweep reproduce reproduce-quick doctor clean
 
 help:            ## this list
 	@grep -hE '^[a-z-]+: .*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 20
@@ -17,8 +17,11 @@ help:            ## this list
 up: $(INSTALLED) ## start the dashboard and workers, with a first run
 	$(BIN)/bpn up
 
-test: lint       ## lint, then every test that takes seconds, then those that take minutes
-	$(BIN)/pytest tests --ignore=tests/browser --ignore=tests/observability
+# Whole files beside each other, in the order in which they stand: those that take minutes come first.
+BESIDE ?= 2
+
+test: lint       ## lint, then every test, two files beside each other (BESIDE=N), then those of browser and Prometheus
+	$(BIN)/pytest tests --ignore=tests/browser --ignore=tests/observability -n $(BESIDE) --dist loadfile --no-loadscope-reorder
 	$(MAKE) test-browser test-observability
 
 test-sanitized: $(INSTALLED) ## both C++ kernels under the address and undefined-behaviour sanitizers (minutes)
@@ -109,6 +112,9 @@ lint: $(INSTALLED) check-claims ## ruff, mypy --strict, import-linter; prettier,
 
 check-claims: $(INSTALLED) ## figures in the pages against the results that they are from, links and anchors against what is there
 	$(BIN)/python -m checks
+
+version:         ## write the version of shared/pyproject.toml wherever it is repeated
+	$(PYTHON) -m checks.versions
 
 format: $(INSTALLED) ## write code as ruff wants it
 	$(BIN)/ruff check --fix .
