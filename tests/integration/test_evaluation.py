@@ -13,7 +13,7 @@ import numpy as np
 import psutil
 import pytest
 
-from bpn.evaluation.trials import Trials, play
+from bpn.evaluation.trials import TrialPlan, play
 from bpn_shared.bnn import golden
 from bpn_shared.bnn.blob import WeightBlob
 from bpn_shared.messages.episode import Episode
@@ -35,7 +35,7 @@ def tracking_run(train: Callable[..., dict[str, Any]]) -> RunFolder:
 
 
 def played(folder: RunFolder, count: int, policy: Any, **changes: Any) -> list[Episode]:
-    trials = Trials(count, policy, seed=3, changes=changes)
+    trials = TrialPlan(count, policy, seed=3, changes=changes)
     return play(folder, folder.newest_weights(), trials, threading.Event())
 
 

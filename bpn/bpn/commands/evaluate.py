@@ -13,7 +13,7 @@ from bpn import optional
 from bpn.errors import CommandError
 from bpn.evaluation.outcome import distinct_trials, outcome, summarize
 from bpn.evaluation.shown import shown
-from bpn.evaluation.trials import PlayedPolicy, Trials, play
+from bpn.evaluation.trials import PlayedPolicy, TrialPlan, play
 from bpn.options import add_runs_dir
 from bpn.outputs import check_output
 from bpn.progress import bar
@@ -128,7 +128,7 @@ def _writing(option: str, path: Path) -> Iterator[None]:
         raise CommandError(f"{option} {path} could not be written: {error}") from error
 
 
-def _trials(options: argparse.Namespace, trained: RunConfig) -> Trials:
+def _trials(options: argparse.Namespace, trained: RunConfig) -> TrialPlan:
     if options.trials < 1:
         raise InputError(f"--trials = {options.trials} must be at least 1")
     changes = {
@@ -138,7 +138,7 @@ def _trials(options: argparse.Namespace, trained: RunConfig) -> Trials:
         "kernel": options.kernel or trained.kernel,
     }
     seed = trained.seed if options.seed is None else options.seed
-    return Trials(options.trials, options.policy, seed, changes)
+    return TrialPlan(options.trials, options.policy, seed, changes)
 
 
 def _weights(folder: RunFolder, version: int | None) -> Weights:

@@ -23,6 +23,7 @@ from bpn_dashboard.registry.view import RegistryView
 from bpn_shared.backoff import Backoff
 from bpn_shared.bus.router_watch import RouterWatch
 from bpn_shared.bus.session import Bus, BusError
+from bpn_shared.messages.lease import LeaseRequest
 from bpn_shared.runtime.service import new_worker_id
 from bpn_shared.spec.config import ConfigError
 from bpn_shared.waiting import Waiting
@@ -106,9 +107,9 @@ class Live:
             self.candidate = candidate
             self._joined.notify_all()
 
-    def gpus(self) -> list[bool]:
-        """Of the connected learners that have told, whether each has a GPU."""
-        return [] if self.dispatcher is None else self.dispatcher.desk.gpus()
+    def told(self) -> list[LeaseRequest]:
+        """What the connected workers told of themselves when they asked for work."""
+        return [] if self.dispatcher is None else self.dispatcher.desk.told()
 
     def refused(self) -> list[Refused]:
         """The workers that ask for work and cannot be used."""

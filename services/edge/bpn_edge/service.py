@@ -5,15 +5,18 @@ from contextlib import closing
 
 from bpn_edge.decisions import DecisionFeed
 from bpn_edge.driver import Choose, EpisodeDriver, EpisodeFault
+from bpn_edge.kernel import usable_kernels
 from bpn_edge.learner_link import LearnerLink, Pace
 from bpn_edge.memory import WeightMemory
 from bpn_edge.policy import epsilon_greedy_action, softmax_action
 from bpn_edge.robot_link import RobotLink
+from bpn_shared import plugins
 from bpn_shared.bnn.weights import Weights
 from bpn_shared.bus.weights import WeightsSubscriber
 from bpn_shared.messages.control import Assignment
 from bpn_shared.runtime.entry import run_slot_worker, slot_options, slot_parser
 from bpn_shared.runtime.faults import FaultReporter
+from bpn_shared.runtime.leased import Abilities
 from bpn_shared.runtime.worker import EXIT_FINISHED, Worker
 from bpn_shared.spec.config import Pacing, RunConfig
 from bpn_shared.spec.tasks import TaskSpec
@@ -109,4 +112,5 @@ def serve(worker: Worker, config: RunConfig) -> int:
 def main(argv: list[str] | None = None) -> int:
     """The edge service."""
     options = slot_options(slot_parser("edge", __doc__), argv)
-    return run_slot_worker("edge", options, serve)
+    abilities = Abilities(plugins={plugins.KERNELS.name: usable_kernels()})
+    return run_slot_worker("edge", options, serve, abilities=abilities)

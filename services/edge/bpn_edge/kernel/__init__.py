@@ -3,10 +3,12 @@
 Each is an entry point of the group `bpn.kernels`, the project's own too; docs/own-kernel.md.
 """
 
+from importlib.util import find_spec
+
 from bpn_edge.kernel.protocol import Kernel
 from bpn_shared import plugins
 
-__all__ = ["Kernel", "load"]
+__all__ = ["Kernel", "load", "usable_kernels"]
 
 
 def load(name: str) -> Kernel:
@@ -18,3 +20,9 @@ def load(name: str) -> Kernel:
     """
     kernel: Kernel = plugins.find(plugins.KERNELS, name).call()
     return kernel
+
+
+def usable_kernels() -> tuple[str, ...]:
+    """Names of those that are installed here with what they need; imports none of them."""
+    installed = plugins.names(plugins.KERNELS)
+    return tuple(name for name in installed if name != "onnx" or find_spec("onnxruntime"))
