@@ -9,7 +9,7 @@ PACKAGES := shared services/edge services/learner services/robot services/robot_
 SOURCES := $(PACKAGES:%=%/bpn*)
 
 .DEFAULT_GOAL := help
-.PHONY: help up test images check-manifests mutants fuzz test-sanitized test-browser test-observability test-environments test-trackers test-containers test-chaos test-fresh-machine screenshots lint check-claims format bench bench-sweep reproduce reproduce-quick doctor clean
+.PHONY: help up test images check-manifests mutants fuzz test-sanitized test-browser test-observability test-environments test-trackers test-containers test-chaos test-fresh-machine screenshots lint check-claims version format bench bench-sweep reproduce reproduce-quick doctor clean
 
 help:            ## this list
 	@grep -hE '^[a-z-]+: .*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 20
@@ -112,6 +112,9 @@ lint: $(INSTALLED) check-claims ## ruff, mypy --strict, import-linter; prettier,
 
 check-claims: $(INSTALLED) ## figures in the pages against the results that they are from, links and anchors against what is there
 	$(BIN)/python -m checks
+
+version:         ## write the version of shared/pyproject.toml wherever it is repeated
+	$(PYTHON) -m checks.versions
 
 format: $(INSTALLED) ## write code as ruff wants it
 	$(BIN)/ruff check --fix .

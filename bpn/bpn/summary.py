@@ -1,6 +1,5 @@
 """What a run came to, from its folder alone: the object that `bpn train --json` prints."""
 
-import logging
 from dataclasses import dataclass, field
 from statistics import median
 from typing import Any
@@ -8,11 +7,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from bpn_shared.messages.base import MessageError
-from bpn_shared.messages.episode import Episode
+from bpn.stored import stored_episodes
 from bpn_shared.runs.folder import RunFolder
-
-log = logging.getLogger(__name__)
 
 
 def summarize(folder: RunFolder) -> dict[str, Any]:
@@ -81,13 +77,8 @@ class _Stored:
 
 
 def _stored(folder: RunFolder) -> _Stored:
-    task, stored = folder.config().task_spec, _Stored()
-    for name in folder.file_names("episodes", suffix=".bpne"):
-        try:
-            episode = Episode.decode(folder.read_file(f"episodes/{name}"), task)
-        except MessageError as error:
-            log.warning("%s is damaged and left out: %s", folder.path / "episodes" / name, error)
-            continue
+    stored = _Stored()
+    for episode in stored_episodes(folder):
         stored.which.add((episode.meta.iteration, episode.meta.episode))
         stored.inference_us.append(episode.inference_ns / 1e3)
         in_time = episode.camera_to_action_ns > 0

@@ -10,6 +10,7 @@ from fastapi.testclient import TestClient
 from bpn.cli import parse
 from bpn.commands import train
 from bpn.dashboard import Dashboard
+from bpn.training import say_place
 from bpn_dashboard.api.app import create_app
 from bpn_dashboard.api.context import Context
 from bpn_dashboard.database.engine import Database, sqlite_url
@@ -33,9 +34,9 @@ TASKS: dict[str, Values] = {
     "reaching": {"seed": 3, "alpha": 0.5},
     "tracking": {"algorithm": "bqn"},
     "pan_tilt": {"iterations": 7},
-    "gym:CartPole-v1": {"nodes": 64},
+    "gym:CartPole-v1": {"hidden_units": 64},
     "gym:MountainCar-v0": {
-        "frames_stacked": 3, "mask_terminals": False, "crop": "0,50,600,300", "difference": True,
+        "frames_stacked": 3, "bootstrap_terminals": True, "crop": "0,50,600,300", "difference": True,
         "frame_skip": 4, "max_over_frames": 2, "env_kwargs": '{"goal_velocity": 0.01}',
         "env_wrappers": "RecordEpisodeStatistics",
     },
@@ -268,6 +269,6 @@ def test_runs_that_go_first_are_told(served: Served) -> None:
     said: list[str] = []
     for expected in ([], ["1 run before it"], ["2 runs before it"]):
         served.post("/runs", {"config": {"task": "reaching"}})
-        train.say_place(served.dashboard, said.append)
+        say_place(served.dashboard, said.append)
         assert [line.split(";")[0] for line in said] == expected
         said.clear()

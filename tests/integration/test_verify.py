@@ -19,18 +19,19 @@ Command = Callable[..., list[str]]
 Train = Callable[..., dict[str, Any]]
 
 SMALL = [
-    "--seed", "9", "--iterations", "3", "--episodes", "4", "--epochs", "3", "--nodes", "16",
-    "--datasets", "2", "--batch", "12", "--beta", "2.5", "--gamma", "0.8", "--learning-rate", "0.004",
-    "--learning-rate-final", "0.1", "--learning-rate-last", "0.3", "--reward-scale", "0.05",
+    "--seed", "9", "--iterations", "3", "--episodes", "4", "--epochs", "3", "--hidden-units", "16",
+    "--replay-iterations", "2", "--batch-size", "12", "--beta", "2.5", "--gamma", "0.8",
+    "--learning-rate", "0.004", "--lr-update-final-factor", "0.1", "--lr-run-final-factor", "0.3",
+    "--reward-scale", "0.05",
 ]  # fmt: skip
 RUNS = {
     "bpn": ["reaching", "--alpha", "0.6", "--scale-initial", "0.3"],
     "bqn": ["tracking", "--algorithm", "bqn", "--steps", "12", "--epsilon-initial", "0.7",
-            "--epsilon-final", "0.3", "--mask-terminals", "true"],
+            "--epsilon-final", "0.3", "--bootstrap-terminals", "false"],
     "cvi": ["tracking", "--algorithm", "cvi", "--steps", "12", "--alpha", "0.6"],
-    "dqn": ["reaching", "--algorithm", "dqn", "--epsilon-initial", "0.7", "--engine", "plain"],
+    "dqn": ["reaching", "--algorithm", "dqn", "--epsilon-initial", "0.7", "--backend", "torch"],
     "dpp": ["reaching", "--algorithm", "dpp", "--robots", "2"],
-    "pan and tilt": ["pan_tilt", "--steps", "12", "--alpha", "0.6", "--engine", "plain"],
+    "pan and tilt": ["pan_tilt", "--steps", "12", "--alpha", "0.6", "--backend", "torch"],
     "gym": ["gym:CartPole-v1", "--steps", "25", "--frame-skip", "2", "--alpha", "0.6"],
     "two learners": ["reaching", "--learners", "2", "--alpha", "0.6", "--robots", "2"],
     "two float learners": ["reaching", "--algorithm", "cvi", "--learners", "2", "--alpha", "0.6"],
@@ -88,7 +89,12 @@ def test_a_run_made_elsewhere_agrees_within_rounding(bpn: RunFolder) -> None:
 
 @pytest.mark.parametrize(
     "changes",
-    [{"learning_rate_final": 1.0}, {"learning_rate": 1e-3}, {"epochs": 8}, {"datasets": 9}],
+    [
+        {"lr_update_final_factor": 1.0},
+        {"learning_rate": 1e-3},
+        {"epochs": 8},
+        {"replay_iterations": 9},
+    ],
 )
 def test_within_rounding_another_training_is_told_from_this(
     bpn: RunFolder, changes: dict[str, float], monkeypatch: pytest.MonkeyPatch
@@ -120,7 +126,7 @@ def test_in_realtime_actions_are_those_that_were_applied(train: Train) -> None:
     """With a delay longer than the control period, so that every action answers an older frame."""
     run = train(
         "reaching", "--pacing", "realtime", "--action-delay-ms", "160", "--iterations", "1",
-        "--episodes", "2", "--epochs", "1", "--steps", "8", "--nodes", "16",
+        "--episodes", "2", "--epochs", "1", "--steps", "8", "--hidden-units", "16",
     )  # fmt: skip
     findings = verified(folder_of(run))
     assert differing(findings) == {}

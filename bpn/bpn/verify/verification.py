@@ -85,7 +85,7 @@ class Verification:
                 return self.findings
             records.check_metrics(self.config, record, data, self.findings)
             records.check_rewards(iteration, told.get(iteration), data, self.findings)
-            self._D = [*self._D, data][-self.config.datasets :]
+            self._D = [*self._D, data][-self.config.replay_iterations :]
             self._steps.append(sum(len(episode.actions) for episode in data))
             D = [episode for dataset in self._D for episode in dataset]
             update = Update(self.config, iteration, record, D, policy, following, offset)
@@ -139,8 +139,8 @@ class Verification:
         """One update, from its data to its weights; the offset of the next preferences."""
         config, where, record = self.config, update.where, update.record
         data = update.targets()
-        steps = config.epochs * minibatches(len(data.y), config.batch)
-        of_all = config.epochs * minibatches(sum(self._steps), config.batch)
+        steps = config.epochs * minibatches(len(data.y), config.batch_size)
+        of_all = config.epochs * minibatches(sum(self._steps), config.batch_size)
         hint = (
             "it is that of the data sets of all iterations" if record["updates"] == of_all else ""
         )
@@ -149,7 +149,7 @@ class Verification:
         found, expected = record["scale"], update.following.scale
         self.findings.compare("scale", f"{where}, lambda", found, expected, tolerance=1e-6)
         binary = update.following.binary
-        reach = update.following.scale * config.network.nodes if binary else float("inf")
+        reach = update.following.scale * config.network.hidden_units if binary else float("inf")
         expected = float((data.y.abs() > reach).float().mean())
         found = record["saturation"]
         self.findings.compare("scale", f"{where}, saturation", found, expected, tolerance=1e-3)
@@ -184,9 +184,9 @@ class Verification:
     def _check_training(self, update: Update, data: Targets) -> None:
         where, following = update.where, update.following
         before = copy.deepcopy(self._trainees[0])
-        if self.config.engine == "fast":
+        if self.config.backend == "native":
             order = draws.shuffles(self.config.seed, update.iteration).permutation(len(data.y))
-            self._gaps.append(gap(before, data, torch.from_numpy(order[: self.config.batch])))
+            self._gaps.append(gap(before, data, torch.from_numpy(order[: self.config.batch_size])))
         losses = [
             self._trained(trainee, update.iteration, data, turned=7 * k)
             for k, trainee in enumerate(self._trainees)
@@ -238,9 +238,9 @@ class Verification:
         return train(
             trainee,
             data,
-            explanations.engine_of(self.config)(trainee, data),
+            explanations.backend_of(self.config)(trainee, data),
             factors=learning_rate_factors(self.config, iteration),
-            batch=self.config.batch,
+            batch_size=self.config.batch_size,
             shuffles=draws.shuffles(self.config.seed, iteration),
             turned=turned,
             on_epoch=lambda: self._progress(0 if turned else 1),

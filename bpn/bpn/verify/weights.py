@@ -56,7 +56,7 @@ def described(found: Policy, expected: Policy) -> tuple[str, str]:
 def digest(weights: Weights) -> str:
     """SHA-256 of what a policy computes: geometry, then lambda, signs and thresholds, or the ONNX model."""
     spec = weights.spec
-    sizes = struct.pack("<HHH", spec.channels, spec.nodes, spec.actions)
+    sizes = struct.pack("<HHH", spec.channels, spec.hidden_units, spec.actions)
     if isinstance(weights, FloatWeights):
         return hashlib.sha256(sizes + weights.model).hexdigest()
     bits = [

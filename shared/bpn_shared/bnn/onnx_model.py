@@ -1,4 +1,4 @@
-"""A float network of the paper's geometry as an ONNX model: the same weights give the same bytes.
+"""A float network as an ONNX model: the same weights give the same bytes.
 
 Needs `onnx`, which learners have, and edges that run float policies.
 """
@@ -20,7 +20,9 @@ _IR_VERSION = 10  # runtimes read older models, and refuse those of a newer onnx
 
 
 def onnx_model(spec: NetworkSpec, weights: Sequence[Floats], biases: Sequence[Floats]) -> bytes:
-    """The network with ReLU after layers 1-4, from `pixels` float32[1, C, 84, 84] to P float32[1, |A|].
+    """The network with ReLU after all layers but the last, from `pixels` to P.
+
+    `pixels` is float32[1, C, rows, columns], P float32[1, |A|].
 
     Args:
         spec: geometry.
