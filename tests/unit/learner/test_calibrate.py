@@ -57,8 +57,8 @@ def test_the_batch_is_of_no_importance(
 
 def test_squares_of_the_largest_sums_overflow_nothing() -> None:
     """Of all batches together they are beyond 64 bits."""
-    o = torch.full((8, 1, 1, 1), 2.0**30)
-    mean, var = _moments([o] * 4)
+    o = torch.full((4, 1, 1, 1), 2.0**30)
+    mean, var = _moments([o] * 8)
     assert (float(mean[0]), float(var[0])) == (2.0**30, 0.0)
 
 
