@@ -4,12 +4,12 @@ import sys
 from itertools import chain
 from pathlib import Path
 
-from checks import claims, links, pages, versions
+from checks import claims, links, pages, shapes, versions
 
 
 def main(root: Path) -> int:
-    """Checks figures, links, result pages and versions of the repository at `root`."""
-    checked = (claims, links, pages, versions)
+    """Checks figures, links, result pages, generated headers and versions of the repository at `root`."""
+    checked = (claims, links, pages, shapes, versions)
     faults = list(chain.from_iterable(check.check(root) for check in checked))
     for fault in faults:
         print(fault, file=sys.stderr)

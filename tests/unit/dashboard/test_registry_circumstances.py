@@ -5,7 +5,7 @@ import pytest
 from bpn_dashboard.registry.circumstances import Queue, around
 from bpn_dashboard.registry.leases import Demand, LeaseBook, Place
 from bpn_dashboard.registry.setbacks import GiveBack, Setbacks
-from bpn_dashboard.registry.versions import FORGET_S, RefusedWorkers, Refused, why_refused
+from bpn_dashboard.registry.versions import FORGET_S, Refused, RefusedWorkers, why_refused
 from bpn_shared.messages.lease import LeaseRequest
 from bpn_shared.runtime.service import new_worker_id
 from bpn_shared.runtime.watchdog import Circumstances

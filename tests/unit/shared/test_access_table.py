@@ -103,7 +103,7 @@ def test_a_payload_is_as_large_as_its_kind_may_be(key: str) -> None:
 
 def test_the_largest_payloads_are_half_a_mebibyte_and_eight() -> None:
     assert MAX_PIXEL_BYTES == 2**19
-    assert MAX_WEIGHTS_BYTES == 2**23
+    assert MAX_WEIGHTS_BYTES == 2**24
 
 
 def test_a_grant_is_of_one_of_the_roles() -> None:

@@ -18,7 +18,7 @@ from bpn_dashboard.registry.circumstances import Queue, around
 from bpn_dashboard.registry.leases import Demand, LeaseBook, Place
 from bpn_dashboard.registry.losses import Loss, Losses
 from bpn_dashboard.registry.setbacks import GiveBack, Setbacks
-from bpn_dashboard.registry.versions import RefusedWorkers, Refused, why_refused, why_reported
+from bpn_dashboard.registry.versions import Refused, RefusedWorkers, why_refused, why_reported
 from bpn_shared.bus import keys
 from bpn_shared.bus.requests import RefusedError
 from bpn_shared.counters import Counters
