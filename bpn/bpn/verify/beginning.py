@@ -114,4 +114,4 @@ def _take_over(trainee: Trainee, tensors: dict[str, Tensor]) -> Policy:
         b = beta.double() - a * mean
         rows[layer][a < 0] *= -1
         thresholds.append(smallest_on(a.abs(), b, trainee.spec.layers[layer].max_output))
-    return Policy(tuple(rows), tuple(thresholds), (), trainee.scale)
+    return Policy(tuple(rows), tuple(thresholds), (), trainee.scale, *trainee.shape)
