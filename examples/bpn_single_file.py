@@ -2,7 +2,7 @@
 
     python examples/bpn_single_file.py --task reaching --iterations 10
 
-It is the algorithm of `bpn train --engine plain`, and with the same options it ends with the same bits:
+It is the algorithm of `bpn train --backend torch`, and with the same options it ends with the same bits:
 the digest that it prints after each iteration is the run's `weights_sha256`. Equations are those of Kadokawa,
 Tsurumine and Matsubara, "Binarized P-Network", 2021. From the project come only the task: its simulated robot, its
 rewards from pixels, its preset.
@@ -38,17 +38,17 @@ class Settings:
     episodes: int = 10
     steps: int = 20
     epochs: int = 50
-    batch: int = 32
-    datasets: int = 3  # U: data sets that an update learns from
+    batch_size: int = 32
+    replay_iterations: int = 3  # U: data sets that an update learns from
     alpha: float = 0.95
     beta: float = 1.0
     gamma: float = 0.99
-    mask_terminals: bool = False
+    bootstrap_terminals: bool = True
     relative_targets: bool = False
-    nodes: int = 100
+    hidden_units: int = 100
     learning_rate: float = 1e-3
-    learning_rate_final: float = 0.02  # share of it at an update's end
-    learning_rate_last: float = 0.1  # share of it in the last iteration
+    lr_update_final_factor: float = 0.02  # share of it at an update's end
+    lr_run_final_factor: float = 0.1  # share of it in the last iteration
     scale_initial: float = 0.2
     reward_scale: float = 0.1
 
@@ -70,12 +70,15 @@ class Sign(torch.autograd.Function):
 class Network:
     """Five binarized layers; batch norm and Sign follow the first four; P = lambda o_5 (Eq. 11 to 14)."""
 
-    def __init__(self, channels, nodes, actions, scale, generator):
+    def __init__(self, channels, hidden_units, actions, scale, generator):
         self.layers, size, inputs = [], IMAGE_PX, channels  # kernel, stride, inputs, outputs
         for kernel, stride, outputs in CONVOLUTIONS:
             self.layers.append((kernel, stride, inputs, outputs))
             size, inputs = (size - kernel) // stride + 1, outputs
-        self.layers += [(size, 1, inputs, nodes), (1, 1, nodes, actions)]  # fully connected
+        self.layers += [
+            (size, 1, inputs, hidden_units),
+            (1, 1, hidden_units, actions),
+        ]  # fully connected
         self.fan_in = [kernel * kernel * inputs for kernel, _, inputs, _ in self.layers]
         self.outputs = [outputs for *_, outputs in self.layers]
         self.sizes = [n * m for n, m in zip(self.fan_in, self.outputs, strict=True)]
@@ -247,7 +250,7 @@ def cvi_targets(network, D, settings, offset):
     scaled = [rewards * settings.reward_scale for _, _, rewards, _ in D]
     reward = torch.from_numpy(np.concatenate(scaled).astype(np.float32))
     following = mellowmax(P_next, settings.beta)
-    if settings.mask_terminals:
+    if not settings.bootstrap_terminals:
         following = following.masked_fill(torch.cat([done for *_, done in D]), -offset)
     taken = P.gather(-1, actions.unsqueeze(-1)).squeeze(-1)
     gap = settings.alpha * (taken - mellowmax(P, settings.beta))
@@ -262,12 +265,12 @@ def update(network, adam, D, settings, *, iteration, offset):
     actions, y, offset = cvi_targets(network, D, settings, offset)
     observations = torch.cat([seen[:-1] for seen, *_ in D])
     pixels = observations.permute(0, 2, 3, 1).contiguous()
-    size, B = len(y), settings.batch
+    size, B = len(y), settings.batch_size
     minibatches = max(1, (2 * size + B - 1) // (2 * B))
-    line = 1 + iteration / max(1, settings.iterations - 1) * (settings.learning_rate_last - 1)
+    line = 1 + iteration / max(1, settings.iterations - 1) * (settings.lr_run_final_factor - 1)
     shuffle = generator(SHUFFLE, settings.seed, iteration)
     for epoch in range(settings.epochs):
-        progress, final = epoch / max(1, settings.epochs - 1), settings.learning_rate_final
+        progress, final = epoch / max(1, settings.epochs - 1), settings.lr_update_final_factor
         cosine = final + (1 - final) * (1 + math.cos(math.pi * progress)) / 2
         for group, rate in zip(adam.param_groups, (1.0, SCALE_RATE_FACTOR), strict=True):
             group["lr"] = line * cosine * (settings.learning_rate * rate)
@@ -295,14 +298,16 @@ def train(name, settings):
     seed = int(generator(INITIAL, settings.seed).integers(2**63))
     channels = task.frame_channels * task.frames_stacked
     initial = torch.Generator().manual_seed(seed)
-    network = Network(channels, settings.nodes, task.actions, settings.scale_initial, initial)
+    network = Network(
+        channels, settings.hidden_units, task.actions, settings.scale_initial, initial
+    )
     *vectors, log_scale = network.parameters
     adam = torch.optim.Adam([{"params": vectors}, {"params": [log_scale]}], fused=True)
     D, offset = [], 0.0
     for iteration in range(settings.iterations):
         places = [(iteration, episode) for episode in range(settings.episodes)]
         newest = [play(robot, task, network, settings, place) for place in places]
-        D = [*D, newest][-settings.datasets :]
+        D = [*D, newest][-settings.replay_iterations :]
         data = [episode for dataset in D for episode in dataset]
         loss, offset = update(network, adam, data, settings, iteration=iteration, offset=offset)
         returns = [float(rewards.sum()) for _, _, rewards, _ in D[-1]]
@@ -312,7 +317,7 @@ def train(name, settings):
 
 def main():
     parser = argparse.ArgumentParser(
-        description="BPN in one file; the digests are those of bpn train --engine plain."
+        description="BPN in one file; the digests are those of bpn train --backend torch."
     )
     parser.add_argument("--task", default="reaching", help="reaching or tracking")
     for name, value in vars(Settings()).items():

@@ -18,9 +18,9 @@ SMALL = [
     "3",
     "--epochs",
     "2",
-    "--nodes",
+    "--hidden-units",
     "24",
-    "--datasets",
+    "--replay-iterations",
     "2",
 ]
 
