@@ -13,7 +13,7 @@ from bpn.export.c_source import c_source
 from bpn_shared.bnn import golden
 from bpn_shared.bnn.blob import WeightBlob
 from bpn_shared.spec.installed import task_spec
-from bpn_shared.spec.network import NetworkSpec
+from bpn_shared.spec.network import Convolution, NetworkSpec
 from bpn_shared.spec.tasks import TaskOptions
 
 ROOT = Path(__file__).parents[2]
@@ -37,11 +37,12 @@ TARGETS = {
 def networks(count: int) -> list[tuple[WeightBlob, list[np.ndarray]]]:
     """Of the paper's shape and of others, at their limits."""
     rng = np.random.default_rng(7)
+    other = {"image_px": 40, "convolutions": (Convolution(5, 2, 9), Convolution(3, 2, 20))}
     found = []
     for index in range(count):
         spec = NetworkSpec(
             int(rng.integers(1, 17)), int(rng.integers(1, 257)), int(rng.integers(2, 33)),
-            **({} if index % 2 else {"image_px": 40, "convolutions": ((5, 2, 9), (3, 2, 20))}),
+            **({} if index % 2 else other),
         )  # fmt: skip
         found.append((awkward_blob(spec, rng), [awkward_observation(spec, rng) for _ in range(2)]))
     return found
