@@ -107,7 +107,14 @@ test('one of a family has the preset of its kind, and needs a name', () => {
   for (const task of ['world:minigrid:Empty-5x5-v0', 'world:some.pack:space/Some-v0']) {
     expect(read(SCHEMA, { ...draft, task }).wrong).toEqual({});
   }
-  for (const task of ['world:', 'world:a b', 'world:a/b/c', 'world:a-b:C-v0', 'world:a..b:C', 'world::C']) {
+  for (const task of [
+    'world:',
+    'world:a b',
+    'world:a/b/c',
+    'world:a-b:C-v0',
+    'world:a..b:C',
+    'world::C',
+  ]) {
     expect(read(SCHEMA, { ...draft, task }).wrong.task).toBe(
       'must be [MODULE:]ID, such as Flat-v1',
     );
@@ -130,7 +137,7 @@ test('only what differs from the preset is asked for', () => {
   draft.texts = { beta: '3', hidden_units: 'many' };
   expect(read(SCHEMA, draft)).toMatchObject({
     config: { task: 'sorting', algorithm: 'bqn' },
-    wrong: { nodes: 'must be a number' },
+    wrong: { hidden_units: 'must be a number' },
   });
 });
 
