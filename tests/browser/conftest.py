@@ -152,7 +152,8 @@ def begin_dashboard(
     @contextlib.contextmanager
     def begin(environment: dict[str, str] | None = None) -> Iterator[Dashboard]:
         runs_dir = tmp_path_factory.mktemp("runs")
-        arguments = ["up", "--port", "0", "--edges", "2", "--runs-dir", str(runs_dir)]
+        arguments = ["up", "--port", "0", "--edges", "2", "--first-run", "reaching"]
+        arguments += ["--runs-dir", str(runs_dir)]
         yield from _serving(command(*arguments), runs_dir, environment, wait_for)
 
     return begin
