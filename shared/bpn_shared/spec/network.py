@@ -64,6 +64,11 @@ class Layer:
         return (self.in_size - self.kernel) // self.stride + 1
 
     @property
+    def is_fully_connected(self) -> bool:
+        """Whether its kernel covers all of its input."""
+        return self.kernel == self.in_size
+
+    @property
     def fan_in(self) -> int:
         """Inputs of one dot product (the paper's N in Eq. 11a)."""
         return self.kernel * self.kernel * self.in_channels

@@ -115,15 +115,14 @@ def config_schema(_who: Viewer) -> ConfigSchema:
     """The schema of configurations, the values that each task begins with, and the defaults."""
     tasks = offered()
     bare = {f"{family}:": {"actions": 0} for family in tasks.families}
-    schema = RunConfig.model_json_schema()
+    algorithms = offered_algorithms()
+    properties = RunConfig.model_json_schema()["properties"]
+    properties["algorithm"]["enum"] = [algorithm.spec.name for algorithm in algorithms]
     return ConfigSchema(
-        schema_={
-            "type": "object",
-            "properties": {name: schema["properties"][name] for name in OPTIONS},
-        },
+        schema_={"type": "object", "properties": {name: properties[name] for name in OPTIONS}},
         presets={name: preset | bare.get(name, {}) for name, preset in tasks.presets.items()},
         tasks=[TaskChoice.of(task) for task in sorted(tasks.specs, key=_steps_of_run)],
-        algorithms=[AlgorithmChoice.of(algorithm) for algorithm in offered_algorithms()],
+        algorithms=[AlgorithmChoice.of(algorithm) for algorithm in algorithms],
         defaults={name: _DEFAULTS[name] for name in OPTIONS if name in _DEFAULTS},
     )
 

@@ -59,6 +59,7 @@ const SECTIONS: { title: string; open: boolean; keys: string[] }[] = [
       'lr_update_final_factor',
       'lr_run_final_factor',
       'scale_initial',
+      'algorithm_options',
     ],
   },
   {
