@@ -9,7 +9,7 @@ PACKAGES := shared services/edge services/learner services/robot services/robot_
 SOURCES := $(PACKAGES:%=%/bpn*)
 
 .DEFAULT_GOAL := help
-.PHONY: help up test images check-manifests mutants fuzz test-sanitized test-browser test-observability test-environments test-containers test-chaos test-fresh-machine screenshots lint check-claims format bench bench-sweep reproduce reproduce-quick doctor clean
+.PHONY: help up test images check-manifests mutants fuzz test-sanitized test-browser test-observability test-environments test-trackers test-containers test-chaos test-fresh-machine screenshots lint check-claims version format bench bench-sweep reproduce reproduce-quick doctor clean
 
 help:            ## this list
 	@grep -hE '^[a-z-]+: .*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 20
@@ -17,8 +17,11 @@ help:            ## this list
 up: $(INSTALLED) ## start the dashboard and workers, with a first run
 	$(BIN)/bpn up
 
-test: lint       ## lint, then every test that takes seconds, then those that take minutes
-	$(BIN)/pytest tests --ignore=tests/browser --ignore=tests/observability
+# Whole files beside each other, in the order in which they stand: those that take minutes come first.
+BESIDE ?= 2
+
+test: lint       ## lint, then every test, two files beside each other (BESIDE=N), then those of browser and Prometheus
+	$(BIN)/pytest tests --ignore=tests/browser --ignore=tests/observability -n $(BESIDE) --dist loadfile --no-loadscope-reorder
 	$(MAKE) test-browser test-observability
 
 test-sanitized: $(INSTALLED) ## both C++ kernels under the address and undefined-behaviour sanitizers (minutes)
@@ -39,19 +42,31 @@ test-observability: $(INSTALLED) ## the alert rules by Prometheus's checker, and
 	sh deploy/check-system.sh $(PYTHON) observability
 	$(BIN)/pytest tests/observability
 
-# What they need beside is not ours to pin in constraints.txt, so they have an environment of their own, which sees ours.
-ENVIRONMENTS := $(VENV)/environments
-$(ENVIRONMENTS)/.installed: $(INSTALLED)
-	$(PYTHON) -m venv $(ENVIRONMENTS)
-	$(ENVIRONMENTS)/bin/python -m pip install --disable-pip-version-check -q -c constraints.txt \
-	  minigrid==3.2.0 ale-py==0.12.1 MinAtar==1.0.15 highway-env==1.12.1 flappy-bird-gymnasium==0.4.0
+# What few need has an environment of its own, which sees ours: $(call beside,ENVIRONMENT,PACKAGES)
+define beside
+	$(PYTHON) -m venv $(1)
+	$(1)/bin/python -m pip install --disable-pip-version-check -q -c constraints.txt $(2)
 	here=$$($(BIN)/python -c 'import sysconfig; print(sysconfig.get_path("purelib"))') && \
-	there=$$($(ENVIRONMENTS)/bin/python -c 'import sysconfig; print(sysconfig.get_path("purelib"))') && \
+	there=$$($(1)/bin/python -c 'import sysconfig; print(sysconfig.get_path("purelib"))') && \
 	echo "import site; site.addsitedir('$$here')" >$$there/zz_bpn.pth
 	touch $@
+endef
+
+# Not ours to pin in constraints.txt.
+ENVIRONMENTS := $(VENV)/environments
+$(ENVIRONMENTS)/.installed: $(INSTALLED)
+	$(call beside,$(ENVIRONMENTS),minigrid==3.2.0 ale-py==0.12.1 MinAtar==1.0.15 highway-env==1.12.1 flappy-bird-gymnasium==0.4.0)
 
 test-environments: $(ENVIRONMENTS)/.installed ## one iteration of Gymnasium environments of five other packages (downloads them)
 	BPN_ENVIRONMENTS=$(ENVIRONMENTS)/bin/python $(BIN)/pytest tests/environments
+
+# As the extras wandb and mlflow of bpn-learner.
+TRACKERS := $(VENV)/trackers
+$(TRACKERS)/.installed: $(INSTALLED)
+	$(call beside,$(TRACKERS),wandb mlflow-skinny sqlalchemy alembic)
+
+test-trackers: $(TRACKERS)/.installed ## the callbacks that write to Weights & Biases and MLflow, with both, offline (downloads them)
+	BPN_TRACKERS=1 $(TRACKERS)/bin/python -m pytest tests/trackers
 
 screenshots: $(INSTALLED) ## the pictures of the web UI in docs/dashboard, and how long a newcomer waits for them
 	sh deploy/check-system.sh $(PYTHON) browser
@@ -97,6 +112,9 @@ lint: $(INSTALLED) check-claims ## ruff, mypy --strict, import-linter; prettier,
 
 check-claims: $(INSTALLED) ## figures in the pages against the results that they are from, links and anchors against what is there
 	$(BIN)/python -m checks
+
+version:         ## write the version of shared/pyproject.toml wherever it is repeated
+	$(PYTHON) -m checks.versions
 
 format: $(INSTALLED) ## write code as ruff wants it
 	$(BIN)/ruff check --fix .

@@ -33,6 +33,7 @@ COMMANDS = {
     "train": Command("train", "train a policy"),
     "runs": Command("runs", "list, start, stop and remove runs"),
     "eval": Command("evaluate", "play a trained policy"),
+    "export": Command("export", "write a run or its policy for others: ONNX, C, tables, ..."),
     "verify": Command("verify", "recompute what a run says, in other code"),
     "reproduce": Command("reproduce", "make a figure or table of the paper"),
     "dashboard": Command("dashboard", "care of the dashboard's database"),

@@ -30,7 +30,14 @@ DEADLINE_MS = 60_000
 """Long, because only what is broken waits so long, on a machine that may be busy."""
 START_DEADLINE_S = 240.0
 TEST_DEADLINE_S = 600.0
-TINY = {"task": "reaching", "iterations": 3, "episodes": 4, "steps": 8, "epochs": 2, "nodes": 24}
+TINY = {
+    "task": "reaching",
+    "iterations": 3,
+    "episodes": 4,
+    "steps": 8,
+    "epochs": 2,
+    "hidden_units": 24,
+}
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
 
 expect.set_options(timeout=DEADLINE_MS)

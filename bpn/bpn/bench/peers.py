@@ -135,7 +135,7 @@ def stable_baselines3_updates(
         Environment(),
         buffer_size=transitions,
         batch_size=batch,
-        policy_kwargs={"features_extractor_class": Features, "net_arch": [spec.nodes]},
+        policy_kwargs={"features_extractor_class": Features, "net_arch": [spec.hidden_units]},
         device="cpu",
         seed=0,
     )

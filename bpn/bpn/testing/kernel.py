@@ -20,7 +20,9 @@ SIGNS = ("random", "random", "all +1", "all -1")
 SMALLEST, LARGEST = NetworkSpec(1, 1, 2), NetworkSpec(16, 1024, 64)
 
 
-def check_kernel(kernel: Kernel, *, networks: int = 100, seed: int = 0) -> None:
+def check_kernel(
+    kernel: Kernel, *, networks: int = 100, seed: int = 0, largest: NetworkSpec = LARGEST
+) -> None:
     """Holds a kernel for binarized policies to `bpn_edge.kernel.Kernel`, and to golden bit by bit.
 
     Networks of random shape, signs and thresholds, also thresholds that every sum reaches, or none, or that are
@@ -31,14 +33,19 @@ def check_kernel(kernel: Kernel, *, networks: int = 100, seed: int = 0) -> None:
         kernel: without weights yet.
         networks: random ones, every second of the paper's shape, beside the smallest and the largest.
         seed: of what is drawn.
+        largest: network of the paper's shape that it takes, where it is made for that shape alone.
 
     Raises:
         AssertionError: it differs; the message names what, and the network.
     """
     rng = np.random.default_rng(seed)
     _check_refusals(kernel)
-    drawn = (random_spec(rng) if number % 2 else random_shape(rng) for number in range(networks))
-    for number, spec in enumerate([SMALLEST, LARGEST, *drawn]):
+    other_shapes = largest is LARGEST
+    drawn = (
+        random_spec(rng) if number % 2 or not other_shapes else random_shape(rng)
+        for number in range(networks)
+    )
+    for number, spec in enumerate([SMALLEST, largest, *drawn]):
         image = make_image(str(rng.choice(IMAGES)), spec, rng)
         kinds = [str(rng.choice(SIGNS)) for _ in spec.layers]
         blob = with_signs(WeightBlob.random(spec, rng), kinds)

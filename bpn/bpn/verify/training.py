@@ -19,8 +19,8 @@ Gradients = Callable[[Tensor], float]
 
 def learning_rate_factors(config: RunConfig, iteration: int) -> list[float]:
     """Of the learning rate, for every epoch: a line over the run, a cosine over each update."""
-    line = 1 + iteration / max(1, config.iterations - 1) * (config.learning_rate_last - 1)
-    final, last = config.learning_rate_final, max(1, config.epochs - 1)
+    line = 1 + iteration / max(1, config.iterations - 1) * (config.lr_run_final_factor - 1)
+    final, last = config.lr_update_final_factor, max(1, config.epochs - 1)
     cosines = [
         final + (1 - final) * (1 + math.cos(math.pi * (epoch / last))) / 2
         for epoch in range(config.epochs)
@@ -96,7 +96,7 @@ def train(
     gradients: Gradients,
     *,
     factors: list[float],
-    batch: int,
+    batch_size: int,
     shuffles: np.random.Generator,
     on_epoch: Callable[[], None] = lambda: None,
     turned: int = 0,
@@ -113,9 +113,9 @@ def train(
     losses = []
     for factor in factors:
         order = torch.from_numpy(shuffles.permutation(len(data.y)))
-        count, total = minibatches(len(data.y), batch), torch.zeros(())
+        count, total = minibatches(len(data.y), batch_size), torch.zeros(())
         for k in range(count):
-            total += gradients(order[batch * k : batch * (k + 1)].roll(turned))
+            total += gradients(order[batch_size * k : batch_size * (k + 1)].roll(turned))
             trainee.step(factor)
         losses.append(float(total) / count)
         on_epoch()

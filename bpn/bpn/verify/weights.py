@@ -60,14 +60,14 @@ def digest(weights: Weights) -> str:
     Of another shape than the paper's, layers and dimensions of actions stand behind lambda.
     """
     spec = weights.spec
-    sizes = struct.pack("<HHH", spec.channels, spec.nodes, spec.actions)
+    sizes = struct.pack("<HHH", spec.channels, spec.hidden_units, spec.actions)
     if isinstance(weights, FloatWeights):
         return hashlib.sha256(sizes + weights.model).hexdigest()
     bits = [
         np.packbits(signs.ravel() == 1, bitorder="little").tobytes() for signs in weights.weights
     ]
     taus = [tau.astype("<i4").tobytes() for tau in weights.thresholds]
-    paper = NetworkSpec(spec.channels, spec.nodes, spec.actions)
+    paper = NetworkSpec(spec.channels, spec.hidden_units, spec.actions)
     numbers = [spec.image_px, len(spec.convolutions), len(spec.action_dims)]
     numbers += [n for convolution in spec.convolutions for n in convolution] + [*spec.action_dims]
     shape = b"" if spec == paper else struct.pack(f"<{len(numbers)}H", *numbers)

@@ -11,10 +11,10 @@ import torch
 from torch import Tensor, nn
 
 from bpn_learner import _native
-from bpn_learner.group import ALONE, Group
+from bpn_learner.group import SINGLE_PROCESS, Group
 from bpn_learner.networks import BinaryNetwork, FloatNetwork, PNetwork
-from bpn_shared.spec.config import Engine
 from bpn_shared.spec.network import NetworkSpec
+from bpn_shared.spec.sections import Backend
 
 Gradients = Callable[[Tensor], Tensor | float]
 """Sets every parameter's `grad` from the transitions int64[B] of D, and returns their mean loss.
@@ -37,17 +37,17 @@ def kernel_layers(spec: NetworkSpec) -> list[tuple[int, int, int, int, int]]:
 
 
 def minibatch_gradients(
-    engine: Engine,
+    backend: Backend,
     network: PNetwork,
     observations: Tensor,
     actions: Tensor,
     y: Tensor,
     *,
-    group: Group = ALONE,
+    group: Group = SINGLE_PROCESS,
 ) -> Gradients:
-    """The engine's gradients of a network in training mode.
+    """The backend's gradients of a network in training mode.
 
-    "fast" is the kernel, on a CPU; there is none for a GPU, which computes as "plain" does.
+    "native" is the kernel, on a CPU; there is none for a GPU, which computes as "torch" does.
 
     Args:
         observations: uint8[n, C, rows, columns], channels-last in memory.
@@ -56,7 +56,7 @@ def minibatch_gradients(
         group: who shares the minibatches.
     """
     pixels = observations.permute(0, 2, 3, 1)
-    if engine == "fast" and not pixels.is_cuda:
+    if backend == "native" and not pixels.is_cuda:
         if isinstance(network, BinaryNetwork):
             return native_gradients(network, pixels, actions, y, group=group)
         if isinstance(network, FloatNetwork):
@@ -84,7 +84,7 @@ class _Gradients:
 
 
 def autograd_gradients(
-    network: PNetwork, pixels: Tensor, actions: Tensor, y: Tensor, *, group: Group = ALONE
+    network: PNetwork, pixels: Tensor, actions: Tensor, y: Tensor, *, group: Group = SINGLE_PROCESS
 ) -> Gradients:
     """By torch's autograd, for any network.
 
@@ -94,7 +94,7 @@ def autograd_gradients(
     together = _Gradients(list(network.parameters()))
 
     def gradients(batch: Tensor) -> Tensor:
-        part = group.part(batch)
+        part = group.shard(batch)
         P = network(pixels.index_select(0, part).float().permute(0, 3, 1, 2), group)
         P_taken = P.gather(1, actions[part, None]).squeeze(1)
         loss = (y[part] - P_taken).square().sum() / (2 * len(batch))  # J, section IV-C
@@ -102,7 +102,7 @@ def autograd_gradients(
         together.set()
         loss.backward()
         together.loss.copy_(loss.detach())
-        group.add_up(together.vector)
+        group.all_reduce_sum(together.vector)
         return together.loss.clone()
 
     return gradients
@@ -114,7 +114,7 @@ def native_gradients(
     actions: Tensor,
     y: Tensor,
     *,
-    group: Group = ALONE,
+    group: Group = SINGLE_PROCESS,
     path: str | None = None,
 ) -> Gradients:
     """By the kernel. Equal inputs give equal bits on one path, wherever memory lies.
@@ -134,17 +134,17 @@ def native_gradients(
     d_latent, d_gamma, d_beta = (part.numpy() for part in together.parts[:-1])
     observations, taken, targets = pixels.numpy(), actions.numpy(), y.numpy()
     # Batch norm's statistics are the whole minibatch's.
-    add_up = None if group.size == 1 else lambda sums: group.add_up(torch.from_numpy(sums))
+    add_up = None if group.size == 1 else lambda sums: group.all_reduce_sum(torch.from_numpy(sums))
 
     def gradients(batch: Tensor) -> float:
         loss, d_log_scale = kernel.gradients(
-            observations, group.part(batch).numpy(), taken, targets,
+            observations, group.shard(batch).numpy(), taken, targets,
             latent, gamma, beta, network.log_scale.item(), d_latent, d_gamma, d_beta,
             len(batch), add_up,
         )  # fmt: skip
         together.parts[-1].fill_(d_log_scale)
         together.loss.fill_(loss)
-        group.add_up(together.vector)
+        group.all_reduce_sum(together.vector)
         together.set()
         return together.loss.item()
 
@@ -157,7 +157,7 @@ def native_float_gradients(
     actions: Tensor,
     y: Tensor,
     *,
-    group: Group = ALONE,
+    group: Group = SINGLE_PROCESS,
     path: str | None = None,
 ) -> Gradients:
     """By the kernel for float networks; otherwise as `native_gradients`."""
@@ -171,11 +171,11 @@ def native_float_gradients(
 
     def gradients(batch: Tensor) -> float:
         loss = kernel.gradients(
-            observations, group.part(batch).numpy(), taken, targets,
+            observations, group.shard(batch).numpy(), taken, targets,
             weights, biases, d_weights, d_biases, len(batch),
         )  # fmt: skip
         together.loss.fill_(loss)
-        group.add_up(together.vector)
+        group.all_reduce_sum(together.vector)
         together.set()
         return together.loss.item()
 

@@ -15,7 +15,7 @@ from torch.nn import functional
 
 from bpn_learner.batch_norm import BATCH_NORM_EPSILON, batch_norm
 from bpn_learner.binarize import sign
-from bpn_learner.group import ALONE, Group
+from bpn_learner.group import SINGLE_PROCESS, Group
 from bpn_shared.spec.algorithms import NetworkKind
 from bpn_shared.spec.network import MAX_PIXEL, Layer, NetworkSpec
 
@@ -89,7 +89,7 @@ class BinaryNetwork(PNetwork):
         self.register_buffer("mean", torch.zeros(channels, dtype=torch.float64))
         self.register_buffer("var", torch.cat([_variance(layer) for layer in spec.layers[:-1]]))
 
-    def forward(self, pixels: Tensor, group: Group = ALONE) -> Tensor:
+    def forward(self, pixels: Tensor, group: Group = SINGLE_PROCESS) -> Tensor:
         """P(s, .): in training with the whole minibatch's statistics, else exactly as exported."""
         if not self.training:
             return self.scale() * self.integers(pixels)[-1].flatten(1)
@@ -132,7 +132,7 @@ class BinaryNetwork(PNetwork):
 
     def max_preference(self) -> float:
         """The largest |P|: lambda N."""
-        return float(self.scale().detach()) * self.spec.nodes
+        return float(self.scale().detach()) * self.spec.hidden_units
 
     @torch.no_grad()
     def clip_latent_weights(self) -> None:
@@ -167,7 +167,7 @@ class FloatNetwork(PNetwork):
 
         self.weights, self.biases = drawn(self._weight_sizes), drawn(self._bias_sizes)
 
-    def forward(self, pixels: Tensor, group: Group = ALONE) -> Tensor:  # noqa: ARG002
+    def forward(self, pixels: Tensor, group: Group = SINGLE_PROCESS) -> Tensor:  # noqa: ARG002
         """P(s, .): of each image by itself, whatever the rest of its minibatch."""
         x = pixels
         for index, (weights, bias) in enumerate(self.affine()):

@@ -23,6 +23,7 @@ class SceneRobot:
 
     truncated = False
     success = None
+    has_backlash = True
 
     def __init__(self, task: TaskSpec, physics: Physics, camera: str, actions: Sized) -> None:
         if task.actions != len(actions):

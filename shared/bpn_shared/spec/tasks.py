@@ -10,6 +10,7 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
+from bpn_shared.spec.disturbances import Disturbances
 from bpn_shared.spec.gym import GYM_PREFIX, OFF, GymOptions
 from bpn_shared.spec.network import IMAGE_SIZE_PX, MAX_ACTIONS, MAX_CHANNELS, NetworkSpec
 
@@ -73,6 +74,7 @@ class TaskSpec(BaseModel):
         realtime: whether the robot has a clock of its own, so that realtime pacing is possible.
         success: when an episode has done what the task is about: its last step's reward is at least
             `success_reward`; it was not terminated; the robot tells; or nobody says.
+        disturbances: of camera and servos, by kind; see `bpn_shared.spec.disturbances`.
         preset: of a run's configuration, what such runs begin with where it is not the fields' default.
     """
 
@@ -94,6 +96,7 @@ class TaskSpec(BaseModel):
     realtime: bool = True
     success: Literal["last_reward", "not_terminated", "told", "undefined"] = "undefined"
     success_reward: float | None = None
+    disturbances: Disturbances = {}
     preset: dict[str, bool | int | float | str] = {}
 
     @field_validator("frame_channels")
@@ -145,9 +148,9 @@ class TaskSpec(BaseModel):
     def frame_shape(self) -> tuple[int, int, int]:
         return self.frame_channels, IMAGE_SIZE_PX, IMAGE_SIZE_PX
 
-    def network(self, nodes: int) -> NetworkSpec:
-        """The geometry of this task's policy with N = nodes."""
-        return NetworkSpec(self.frame_channels * self.frames_stacked, nodes, self.actions)
+    def network(self, hidden_units: int) -> NetworkSpec:
+        """The geometry of this task's policy with N = hidden_units."""
+        return NetworkSpec(self.frame_channels * self.frames_stacked, hidden_units, self.actions)
 
     def options(self) -> dict[str, Any]:
         """What `TaskOptions` say of this task."""

@@ -1,11 +1,10 @@
-"""One thread, as the learner computes; and no deadlines: how long an example takes proves nothing."""
+"""One thread, as the learner computes."""
 
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 import torch
-from hypothesis import settings
 from ledgers import make
 from played import owned
 
@@ -13,8 +12,6 @@ from bpn_learner.ledger import EpisodeLedger
 from bpn_shared.runs.ownership import Ownership
 
 torch.set_num_threads(1)
-settings.register_profile("learner", deadline=None)
-settings.load_profile("learner")
 
 
 @pytest.fixture

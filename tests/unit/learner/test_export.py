@@ -19,7 +19,7 @@ from bpn_shared.bnn.envelope import BlobError
 from bpn_shared.bnn.float_weights import FloatWeights, max_model_bytes
 from bpn_shared.spec.network import NetworkSpec
 
-SPEC = NetworkSpec(channels=2, nodes=12, actions=5)
+SPEC = NetworkSpec(channels=2, hidden_units=12, actions=5)
 specs = geometries(range(1, 9), 64, 20) | shapes()
 
 

@@ -9,7 +9,7 @@ import pytest
 from bpn_shared.bus.traffic import Traffic
 from bpn_shared.counters import Counters
 from bpn_shared.runtime.service import new_worker_id, protocol_of
-from bpn_shared.runtime.telemetry import Latencies, Reporter, WeightsMarks
+from bpn_shared.runtime.telemetry import Latencies, Reporter, WeightsTimeline
 from bpn_shared.version import PROTOCOL
 from bpn_shared.waiting import Waiting
 
@@ -46,7 +46,7 @@ def test_waiting_is_said_once_and_reported(caplog: pytest.LogCaptureFixture) -> 
         waiting=waiting,
         counters=counters,
         latencies=Latencies(),
-        weights=WeightsMarks(),
+        weights=WeightsTimeline(),
     )
     waiting.set("a frame")
     waiting.set("a frame")
