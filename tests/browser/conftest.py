@@ -146,7 +146,8 @@ def dashboard(
 ) -> Iterator[Dashboard]:
     """Router, dashboard, a learner, a robot and two edges, one of them idle; the first run is stopped."""
     runs_dir = tmp_path_factory.mktemp("runs")
-    arguments = ["up", "--port", "0", "--edges", "2", "--runs-dir", str(runs_dir)]
+    arguments = ["up", "--port", "0", "--edges", "2", "--first-run", "reaching"]
+    arguments += ["--runs-dir", str(runs_dir)]
     process = subprocess.Popen(command(*arguments), stdout=subprocess.PIPE, text=True)
     link: queue.Queue[str] = queue.Queue()
     threading.Thread(target=_find_link, args=(process, link), daemon=True).start()
