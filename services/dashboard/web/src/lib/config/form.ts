@@ -26,6 +26,7 @@ const OF_GYM = [
   'observation_key',
   'crop',
   'frame_channels',
+  'frame_px',
   'frames_stacked',
   'difference',
   'frame_skip',
@@ -59,6 +60,7 @@ const SECTIONS: { title: string; open: boolean; keys: string[] }[] = [
       'lr_update_final_factor',
       'lr_run_final_factor',
       'scale_initial',
+      'conv',
     ],
   },
   {
