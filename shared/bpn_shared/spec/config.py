@@ -1,6 +1,7 @@
 """The configuration of a run: its task and its algorithm by value, and the values of all sections, flat."""
 
 import json
+from collections.abc import Mapping
 from typing import Annotated, Any, Self
 
 from pydantic import Field, ValidationError, model_validator
@@ -73,9 +74,7 @@ class RunConfig(ExecutionValues, TrainingValues, AlgorithmValues, TaskOptions):
         if isinstance(of_task, TaskSpec):
             given = of_task.options() | given
         elif isinstance(of_task, dict):
-            of_gym = of_task.get("gym")
-            told = of_task | (of_gym if isinstance(of_gym, dict) else {})
-            given = {name: told[name] for name in TaskOptions.model_fields if name in told} | given
+            given = told_options(of_task) | given
         name = given.setdefault("algorithm", "bpn")
         if "algorithm_spec" not in given:
             given["algorithm_spec"] = _algorithm_spec(name)
@@ -249,6 +248,15 @@ class RunConfig(ExecutionValues, TrainingValues, AlgorithmValues, TaskOptions):
             return cls.model_validate_json(data)
         except ValidationError as error:
             raise ConfigError(describe(error, source)) from error
+
+
+def told_options(spec: Mapping[str, Any]) -> dict[str, Any]:
+    """`TaskSpec.options` of a specification as JSON has it, as far as it tells them."""
+    of_gym, names = spec.get("gym"), spec.get("action_names")
+    told = {**spec, **(of_gym if isinstance(of_gym, dict) else {})}
+    if isinstance(names, list | tuple):
+        told["actions"] = len(names)
+    return {name: told[name] for name in TaskOptions.model_fields if name in told}
 
 
 def _algorithm_spec(name: object) -> AlgorithmSpec:
