@@ -2,9 +2,9 @@
 
 import logging
 from collections.abc import Collection
-from importlib.util import find_spec
 
 from bpn.terminal import stdout_for_results
+from bpn_learner.callbacks.extras import check_extra
 from bpn_shared import plugins
 from bpn_shared.errors import InputError
 from bpn_shared.messages.probe import ProbeReply, ProbeRequest
@@ -81,13 +81,9 @@ def _check_learner(config: RunConfig) -> None:
     except InputError as error:
         raise ConfigError(f"task {config.task!r} cannot be learned here: {error}") from error
     plugins.find(plugins.TARGETS, config.algorithm_spec.targets)
-    if config.tensorboard and find_spec("tensorboard") is None:
-        raise ConfigError(
-            "tensorboard = True needs tensorboard, which is not installed: "
-            "pip install 'bpn-learner[tensorboard]'"
-        )
     for name in config.callback_names:
         plugins.find(plugins.CALLBACKS, name)
+        check_extra(name)
     if config.device == "cuda":
         from torch.cuda import is_available  # noqa: PLC0415 - it takes seconds to load
 

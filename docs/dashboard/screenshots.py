@@ -67,6 +67,7 @@ def bpn_up(runs_dir: Path) -> Iterator[tuple[str, float]]:
     """Gives the link that it prints, and when it was started."""
     started_s = time.monotonic()
     command = [sys.executable, "-m", "bpn", "up", "--port", "0", "--runs-dir", str(runs_dir)]
+    command += ["--first-run", "reaching"]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)  # noqa: S603
     links: queue.Queue[str] = queue.Queue()
     threading.Thread(target=read_link, args=(process, links), daemon=True).start()

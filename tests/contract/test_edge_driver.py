@@ -92,6 +92,28 @@ def test_a_frame_that_comes_again_gets_the_same_action(
     del listener
 
 
+def test_a_frame_is_answered_before_it_comes_again(
+    scene: Callable[..., Scene], wait_for: Callable[..., None]
+) -> None:
+    sent: list[
+        tuple[int, int]
+    ] = []  # by the robot, which goes on to the next step with an answer alone
+
+    def note(header: FrameHeader, step: int) -> FrameHeader:
+        sent.append((header.reset_id, step))
+        return header
+
+    def answered_at_once() -> bool:
+        frames = list(sent)
+        return any(
+            frames.count((episode, step)) == 1 and (episode, step + 1) in frames
+            for episode, step in frames
+        )
+
+    scene(CONFIG, note).begin()
+    wait_for(answered_at_once, "the answer to a frame that was sent once")
+
+
 def test_who_watches_is_shown_what_was_decided_and_why(
     open_bus: OpenBus,
     scene: Callable[..., Scene],

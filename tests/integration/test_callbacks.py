@@ -38,7 +38,9 @@ def test_a_run_is_evaluated_ends_early_and_another_begins_with_its_weights(
         4,
     )
     folder = RunFolder.open(tmp_path, evaluated["run_id"])
-    assert folder.state().error == "stopped early after iteration 1: iteration = 1 >= 1"
+    assert evaluated["reason"] == "stopped early after iteration 1: iteration = 1 >= 1"
+    assert folder.state().error == evaluated["reason"]
+    assert plain["reason"] == ""
     evaluations = [record["eval_return"] for record in folder.metrics()]
     assert folder.best().value == max(evaluations)
     assert folder.best().version == 1 + evaluations.index(max(evaluations))

@@ -13,7 +13,7 @@ import numpy as np
 import psutil
 import pytest
 
-from bpn.evaluation.trials import Trials, play
+from bpn.evaluation.trials import TrialPlan, play
 from bpn_shared.bnn import golden
 from bpn_shared.bnn.blob import WeightBlob
 from bpn_shared.messages.episode import Episode
@@ -35,7 +35,7 @@ def tracking_run(train: Callable[..., dict[str, Any]]) -> RunFolder:
 
 
 def played(folder: RunFolder, count: int, policy: Any, **changes: Any) -> list[Episode]:
-    trials = Trials(count, policy, seed=3, changes=changes)
+    trials = TrialPlan(count, policy, seed=3, changes=changes)
     return play(folder, folder.newest_weights(), trials, threading.Event())
 
 
@@ -143,9 +143,9 @@ def test_the_command_reports_films_and_draws(
             ["--video", "/nonexist/x.mp4"],
             "--video /nonexist/x.mp4: there is no folder /nonexist; make it",
         ),
-        (["--trials", "0"], "--trials = 0 must be at least 1"),
+        (["--trials", "0"], "trials = 0 must be at least 1"),
         (["--action-delay-ms", "4"], "action_delay_ms = 4.0 means nothing in lockstep"),
-        (["--version", "7"], "--version 7: not in"),
+        (["--version", "7"], "version = 7: not in"),
     ],
 )
 def test_wrong_input_is_refused_before_anything_is_played(

@@ -10,7 +10,7 @@ import psutil
 import pytest
 from pool import frozen
 
-from bpn.evaluation.trials import Trials, play
+from bpn.evaluation.trials import TrialPlan, play
 from bpn.reproduce.campaign import Campaign
 from bpn_shared.runs.folder import RunFolder
 from bpn_shared.runtime import watchdog
@@ -40,7 +40,7 @@ def test_trials(train: Callable[..., dict[str, Any]], wait_for: WaitFor) -> None
     options = [part for key, value in SMALL.items() for part in (f"--{key}", str(value))]
     run = train("tracking", *options, "--episodes", "2")
     folder = RunFolder.open(Path(run["runs_dir"]), run["run_id"])
-    trials = Trials(4, "greedy", seed=3, changes={"pacing": "realtime"})
+    trials = TrialPlan(4, "greedy", seed=3, changes={"pacing": "realtime"})
     said, moved = [], []
     with ThreadPoolExecutor(1) as pool:
         playing = pool.submit(

@@ -8,9 +8,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import torch
+from safetensors.torch import save
 
 from bpn.verify.findings import CHECKS, Difference, Findings
-from bpn.verify.verification import Verification
+from bpn.verify.verification import Verification, what_is_trusted
 from bpn_shared.bnn.blob import WeightBlob
 from bpn_shared.runs.folder import RunFolder
 from bpn_shared.spec.config import RunConfig
@@ -79,6 +81,72 @@ def test_a_run_agrees_with_what_is_recomputed(name: str, train: Train) -> None:
     judged = {n for n, check in findings.checks.items() if check.compared}
     assert judged == set(CHECKS) - NOT_JUDGED.get(name, set())
     assert findings["actions"].compared >= 3 * 4 * 4
+
+
+@pytest.fixture(scope="module")
+def warm(bpn: RunFolder, train: Train) -> RunFolder:
+    """A run that begins with another one's weights, beside it."""
+    return folder_of(
+        train(
+            *RUNS["bpn"],
+            *SMALL,
+            "--seed",
+            "11",
+            "--init-from",
+            str(bpn.run),
+            runs_dir=bpn.path.parent,
+        )
+    )
+
+
+def test_a_run_that_begins_with_anothers_weights_agrees(warm: RunFolder) -> None:
+    findings = verified(warm)
+    assert differing(findings) == {}
+    assert findings["initial weights"].compared == 4  # policy, other run, copy, version 0
+    assert findings["initial weights"].notes == []
+    assert "latent weights" in " ".join(what_is_trusted(warm.config()))
+    assert differing(verified(warm, elsewhere=True)) == {}
+
+
+def test_a_float_run_that_begins_with_anothers_weights_agrees(train: Train) -> None:
+    first = folder_of(train(*RUNS["cvi"], *SMALL))
+    second = train(*RUNS["cvi"], *SMALL, "--init-from", str(first.run), runs_dir=first.path.parent)
+    assert differing(verified(folder_of(second))) == {}
+
+
+def test_without_the_other_run_its_digest_tells_what_was_begun_with(
+    warm: RunFolder, tmp_path: Path
+) -> None:
+    shutil.copytree(warm.path, tmp_path / warm.path.name)
+    alone = RunFolder(tmp_path / warm.path.name)
+    findings = verified(alone)
+    assert differing(findings) == {}
+    (note,) = findings["initial weights"].notes
+    assert "its policy is known by its SHA-256" in note
+
+    other_weights(alone, 0)
+    where = [d.where for d in differing(verified(alone))["initial weights"]]
+    assert where[0].startswith("SHA-256 of version 0, which is version 3 of run ")
+    assert where[1:] == ["version 0"]
+
+
+@pytest.mark.parametrize("change", ["altered", "cut", "gone", "another network"])
+def test_another_copy_of_what_was_begun_with_is_seen(
+    change: str, warm: RunFolder, tmp_path: Path
+) -> None:
+    shutil.copytree(warm.path, tmp_path / warm.path.name)
+    folder = RunFolder(tmp_path / warm.path.name)
+    copy = folder.path / "initial.safetensors"
+    data = copy.read_bytes()
+    if change == "altered":
+        copy.write_bytes(data[:-1] + bytes([data[-1] ^ 1]))
+    elif change == "cut":
+        copy.write_bytes(data[:-9])
+    elif change == "gone":
+        copy.unlink()
+    else:
+        copy.write_bytes(save({"network.latent": torch.zeros(3)}))
+    assert "initial weights" in differing(verified(folder))
 
 
 def test_a_run_made_elsewhere_agrees_within_rounding(bpn: RunFolder) -> None:

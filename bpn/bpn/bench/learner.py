@@ -93,6 +93,7 @@ def _transitions() -> Transitions:
             frames=rng.integers(0, 256, (STEPS + 1, *frame), np.uint8),
             actions=rng.integers(0, SPEC.actions, STEPS),
             rewards=rng.normal(size=STEPS),
+            terminated=False,
         )
         for _ in range(EPISODES)
     ]

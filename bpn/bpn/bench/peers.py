@@ -35,7 +35,7 @@ class FloatNetwork:
 
 
 def _is_convolution(layer: Layer) -> bool:
-    return layer.out_size > 1
+    return not layer.is_fully_connected
 
 
 def _missing(error: ImportError, extra: str) -> RuntimeError:

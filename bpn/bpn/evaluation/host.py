@@ -2,7 +2,7 @@
 
 from uuid import UUID
 
-from bpn_learner.trials import EVALUATION, Trials
+from bpn_learner.trials import EVALUATION, TrialLedger
 from bpn_shared.bnn.weights import Weights
 from bpn_shared.bus import keys
 from bpn_shared.bus.requests import Responder
@@ -34,7 +34,7 @@ class TrialHost:
         self, bus: Bus, run: UUID, config: RunConfig, weights: Weights, *, count: int, policy: str
     ) -> None:
         self._config = config
-        self._trials = Trials(config, weights, count=count, policy=policy)
+        self._trials = TrialLedger(config, weights, count=count, policy=policy)
         self.over = self._trials.over
         counters = Counters()
         self._weights = WeightsPublisher(bus, run)

@@ -7,7 +7,7 @@ from typing import Any, Protocol
 
 from matplotlib.figure import Figure
 
-from bpn.evaluation.trials import Trials
+from bpn.evaluation.trials import TrialPlan
 from bpn_shared.messages.episode import Episode
 from bpn_shared.runs.folder import RunFolder
 from bpn_shared.spec.config import ConfigError, RunConfig
@@ -84,7 +84,7 @@ _QUICK = {
 class Play(Protocol):
     """Plays trials with the newest weights of a finished run, or recalls them if they were played."""
 
-    def __call__(self, folder: RunFolder, trials: Trials) -> list[Episode]: ...
+    def __call__(self, folder: RunFolder, trials: TrialPlan) -> list[Episode]: ...
 
 
 @dataclass(frozen=True)

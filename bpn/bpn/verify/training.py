@@ -49,7 +49,11 @@ def autograd(trainee: Trainee, data: Targets) -> Gradients:
 
 def compiled(trainee: Trainee, data: Targets) -> Gradients:
     """By the learner's C++ kernel, whose rounding nothing else has; `gap` compares it with autograd."""
-    spec, path = trainee.spec, _native.available_paths()[0]
+    path = _native.available_paths()[0]
+    layers = [
+        (layer.in_size, layer.in_channels, layer.kernel, layer.stride, layer.out_channels)
+        for layer in trainee.spec.layers
+    ]
     slopes = [torch.zeros_like(p) for p in trainee.parameters]
     for parameter, slope in zip(trainee.parameters, slopes, strict=True):
         parameter.grad = slope
@@ -57,11 +61,11 @@ def compiled(trainee: Trainee, data: Targets) -> Gradients:
     values, written = ([v.detach().numpy() for v in of] for of in (trainee.parameters, slopes))
     seen, taken, y = data.seen.numpy(), data.actions.numpy(), data.y.numpy()
     if not trainee.binary:
-        of_floats = _native.FloatKernel(path, spec.channels, spec.hidden_units, spec.actions)
+        of_floats = _native.FloatKernel(path, layers)
         return lambda rows: of_floats.gradients(
             seen, rows.numpy(), taken, y, values[0], values[1], written[0], written[1], len(rows)
         )
-    kernel = _native.Kernel(path, spec.channels, spec.hidden_units, spec.actions)
+    kernel = _native.Kernel(path, layers)
 
     def gradients(rows: Tensor) -> float:
         loss, slope = kernel.gradients(

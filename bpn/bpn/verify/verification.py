@@ -6,6 +6,7 @@ from collections.abc import Callable
 import torch
 
 from bpn.verify import draws, explanations, recorded, records, rounding
+from bpn.verify.beginning import check_taken_over
 from bpn.verify.findings import Findings
 from bpn.verify.play import Policy, unpacked
 from bpn.verify.targets import COMPUTED, Played, Targets
@@ -62,18 +63,16 @@ class Verification:
         """Everything. Nothing is written.
 
         Raises:
-            ConfigError: the folder holds nothing that could be verified, or begins with another run's weights.
+            ConfigError: the folder holds nothing that could be verified.
         """
-        if self.config.init_from:
-            raise ConfigError(
-                f"{self.folder.path} begins with other weights (init_from = {self.config.init_from!r}): what is "
-                "computed again here follows from the seed"
-            )
         torch.set_num_threads(1)  # as the learner
         policy = self._version(0)
         if policy is None:
             raise ConfigError(f"{self.folder.path} holds no weights version 0: nothing to verify")
-        self._check_initial(policy)
+        if self.config.init_from:
+            self._follows = check_taken_over(self.folder, self._trainees, policy, self.findings)
+        else:
+            self._check_initial(policy)
         told, offset = self.folder.rewards(), 0.0
         for iteration, record in enumerate(self.records):
             where = f"iteration {iteration}"
@@ -282,6 +281,10 @@ def what_is_trusted(config: RunConfig) -> list[str]:
     trusted = ["the frames, that each is what the camera saw after the action before it"]
     if config.task_spec.told_rewards:
         trusted.append("the rewards, which the robot tells")
+    if config.init_from:
+        trusted.append(
+            "the latent weights that it begins with, behind the policy that was taken over"
+        )
     if config.algorithm_spec.targets not in COMPUTED:
         trusted.append(f"the updates, which {config.algorithm}'s own targets decide")
     if config.policy not in (SOFTMAX, EPSILON_GREEDY):

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from bpn_edge.kernel import Kernel, load
+from bpn_edge.kernel import Kernel, banks
 from bpn_shared.bnn import golden
 from bpn_shared.bnn.blob import WeightBlob
 from bpn_shared.bnn.envelope import BlobError
@@ -38,7 +38,7 @@ class WeightMemory:
     """
 
     def __init__(self, kernel: str, counters: Counters) -> None:
-        self._active, self._idle = load(kernel), load(kernel)
+        self._active, self._idle = banks(kernel)
         self._counters = counters
         self._changed = threading.Condition()
         self._offered: Weights | None = None
@@ -135,7 +135,7 @@ class WeightMemory:
         return any(_fits(weights, version, attempt) for weights in (self.weights, self._offered))
 
     def run(self, observation: npt.NDArray[np.uint8]) -> Outputs:
-        """Outputs [|A|] of an observation uint8[C, 84, 84] under the active bank."""
+        """Outputs [|A|] of an observation uint8[C, rows, columns] under the active bank."""
         return self._active.run(observation)
 
 

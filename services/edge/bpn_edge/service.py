@@ -7,6 +7,7 @@ from functools import partial
 
 from bpn_edge.decisions import DecisionFeed
 from bpn_edge.driver import EpisodeDriver, EpisodeFault
+from bpn_edge.kernel import usable_kernels
 from bpn_edge.kernel.choice import add_kernel, choose_kernel, kernels_here
 from bpn_edge.learner_link import LearnerLink, Pace
 from bpn_edge.memory import WeightMemory
@@ -18,13 +19,23 @@ from bpn_shared.bus.weights import WeightsSubscriber
 from bpn_shared.errors import InputError
 from bpn_shared.runtime.entry import run_slot_worker, slot_options, slot_parser
 from bpn_shared.runtime.faults import FaultReporter
+from bpn_shared.runtime.leased import Abilities
 from bpn_shared.runtime.worker import EXIT_FINISHED, Worker
 from bpn_shared.spec.config import RunConfig
+from bpn_shared.spec.sections import Pacing
+from bpn_shared.spec.tasks import TaskSpec
 
 log = logging.getLogger(__name__)
 
 _WEIGHTS_TIMEOUT_S = 1.0
-_SILENCE_S = 1.0
+_LEAST_SILENCE_S = 1.0
+_SILENT_PERIODS = 5
+
+
+def longest_silence_s(task: TaskSpec, pacing: Pacing) -> float:
+    """Without a frame for so long, the robot is asked again; in realtime it sends one each control period."""
+    periods_s = _SILENT_PERIODS * task.control_period_s if pacing == "realtime" else 0.0
+    return max(_LEAST_SILENCE_S, periods_s)
 
 
 def serve(worker: Worker, config: RunConfig, kernels: Sequence[str] = ()) -> int:
@@ -52,7 +63,6 @@ def serve(worker: Worker, config: RunConfig, kernels: Sequence[str] = ()) -> int
         held=lambda: memory.rank,
         kind=config.algorithm_spec.network,
     )
-    period_s = task.control_period_s if config.pacing == "realtime" else 0.0
     with closing(DecisionFeed(worker)) as feed:
         driver = EpisodeDriver(
             worker,
@@ -60,7 +70,7 @@ def serve(worker: Worker, config: RunConfig, kernels: Sequence[str] = ()) -> int
             RobotLink(worker, task),
             memory,
             feed,
-            silence_s=max(_SILENCE_S, 5 * period_s),
+            silence_s=longest_silence_s(task, config.pacing),
         )
         learner, pace = LearnerLink(worker), Pace()
         while not worker.stop.is_set():
@@ -120,4 +130,10 @@ def main(argv: list[str] | None = None) -> int:
         kernels = kernels_here(options.kernel)
     except InputError as error:
         parser.error(str(error))
-    return run_slot_worker("edge", options, partial(serve, kernels=kernels))
+    abilities = Abilities(
+        plugins={
+            plugins.KERNELS.name: kernels or usable_kernels(),
+            plugins.SELECTIONS.name: plugins.names(plugins.SELECTIONS),
+        }
+    )
+    return run_slot_worker("edge", options, partial(serve, kernels=kernels), abilities=abilities)

@@ -13,6 +13,7 @@ from torch import Tensor, nn
 from bpn_learner import _native
 from bpn_learner.group import SINGLE_PROCESS, Group
 from bpn_learner.networks import BinaryNetwork, FloatNetwork, PNetwork
+from bpn_shared.spec.network import NetworkSpec
 from bpn_shared.spec.sections import Backend
 
 Gradients = Callable[[Tensor], Tensor | float]
@@ -25,6 +26,14 @@ A group's members all call it with the same transitions, and all get the same.
 def available_paths() -> tuple[str, ...]:
     """The kernel's instruction-set paths that this machine can run, best first."""
     return tuple(_native.available_paths())
+
+
+def kernel_layers(spec: NetworkSpec) -> list[tuple[int, int, int, int, int]]:
+    """The layers as the kernel is told them."""
+    return [
+        (layer.in_size, layer.in_channels, layer.kernel, layer.stride, layer.out_channels)
+        for layer in spec.layers
+    ]
 
 
 def minibatch_gradients(
@@ -41,7 +50,7 @@ def minibatch_gradients(
     "native" is the kernel, on a CPU; there is none for a GPU, which computes as "torch" does.
 
     Args:
-        observations: uint8[n, C, 84, 84], channels-last in memory.
+        observations: uint8[n, C, rows, columns], channels-last in memory.
         actions: int64[n].
         y: targets, float32[n].
         group: who shares the minibatches.
@@ -80,7 +89,7 @@ def autograd_gradients(
     """By torch's autograd, for any network.
 
     Args:
-        pixels: uint8[n, 84, 84, C]: rows that index_select copies whole.
+        pixels: uint8[n, rows, columns, C]: rows that index_select copies whole.
     """
     together = _Gradients(list(network.parameters()))
 
@@ -111,16 +120,13 @@ def native_gradients(
     """By the kernel. Equal inputs give equal bits on one path, wherever memory lies.
 
     Args:
-        pixels: uint8[n, 84, 84, C], contiguous.
+        pixels: uint8[n, rows, columns, C], contiguous.
         path: one of `available_paths`; by default the best.
 
     Raises:
         ValueError: this machine cannot run that path, or the arrays are not of this network.
     """
-    spec = network.spec
-    kernel = _native.Kernel(
-        path or available_paths()[0], spec.channels, spec.hidden_units, spec.actions
-    )
+    kernel = _native.Kernel(path or available_paths()[0], kernel_layers(network.spec))
     vectors = (network.latent, network.gamma, network.beta)
     together = _Gradients([*vectors, network.log_scale])
     # The kernel reads parameters and writes gradients in place: these arrays share the tensors' memory.
@@ -155,10 +161,7 @@ def native_float_gradients(
     path: str | None = None,
 ) -> Gradients:
     """By the kernel for float networks; otherwise as `native_gradients`."""
-    spec = network.spec
-    kernel = _native.FloatKernel(
-        path or available_paths()[0], spec.channels, spec.hidden_units, spec.actions
-    )
+    kernel = _native.FloatKernel(path or available_paths()[0], kernel_layers(network.spec))
     parameters = (network.weights, network.biases)
     together = _Gradients(parameters)
     # They share the tensors' memory.

@@ -4,7 +4,7 @@ import threading
 from collections.abc import Container
 
 from bpn_learner.lease import Lease
-from bpn_learner.refusals import Refusals
+from bpn_learner.refusals import EpisodeRefusals
 from bpn_shared.bnn.weights import Weights
 from bpn_shared.messages.base import MessageError, OtherVersionError
 from bpn_shared.messages.control import (
@@ -38,7 +38,7 @@ class Everybody:
         return True
 
 
-class Trials:
+class TrialLedger:
     """Some trials of one policy: handed out, taken, kept in memory. Its methods may be called from any thread.
 
     Args:
@@ -74,7 +74,7 @@ class Trials:
         self._episodes: dict[int, Episode] = {}
         self._held: dict[int, tuple[int, Lease]] = {}  # by slot: the trial that it plays
         self._in_hand: dict[int, tuple[int, Lease]] = {}  # by slot: what it has played and delivers
-        self._refusals = Refusals()
+        self._refusals = EpisodeRefusals()
         self.over, self.failure = threading.Event(), ""
 
     @property

@@ -15,7 +15,7 @@ from bpn_shared.runs.digests import DamagedError, seal, unseal
 from bpn_shared.spec.algorithms import AlgorithmSpec
 from bpn_shared.spec.config import ConfigError, RunConfig, told_options
 from bpn_shared.spec.renamed import renamed
-from bpn_shared.spec.sections import LEARNED, SECTIONS
+from bpn_shared.spec.sections import ADDED, LEARNED, SECTIONS
 from bpn_shared.version import VERSION, written_by
 
 SCHEMA = 4
@@ -49,9 +49,13 @@ def sections(config: RunConfig) -> dict[str, dict[str, Any]]:
 def config_hash(config: RunConfig) -> str:
     """SHA-256 of what is learned: equal for runs that differ in their execution alone.
 
-    A value of the task that is its field's default is left out, so that a field that comes later changes no hash.
+    A value of the task that is its field's default is left out, and so is one of the training that came later, so
+    that a new field changes no hash.
     """
     learned: dict[str, Any] = {name: sections(config)[name] for name in LEARNED}
+    for name in ADDED:
+        if getattr(config, name) == RunConfig.model_fields[name].default:
+            del learned["training"][name]
     learned["task"] = config.task_spec.model_dump(
         mode="json", exclude=_SHOWN, exclude_defaults=True
     )

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import torch
+from geometries import geometries, shapes
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -19,9 +20,7 @@ VARIANCES = [0.0, 1e-12, 1e-5, 0.25, 1.0, 63.0, 1e4, 1e12]
 
 @st.composite
 def networks(draw: st.DrawFn) -> BinaryNetwork:
-    spec = NetworkSpec(
-        draw(st.sampled_from([1, 3])), draw(st.integers(1, 24)), draw(st.integers(2, 8))
-    )
+    spec = draw(geometries([1, 3], 24, 8) | shapes(hidden_units=24))
     seed = draw(st.integers(0, 2**32))
     rng = np.random.default_rng(seed)
     network = BinaryNetwork(

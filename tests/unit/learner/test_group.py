@@ -160,6 +160,7 @@ def transitions() -> Transitions:
             frames=rng.integers(0, 256, (11, 1, 84, 84), np.uint8),
             actions=rng.integers(0, 14, 10),
             rewards=rng.normal(size=10),
+            terminated=False,
         )
         for _ in range(3)
     ]

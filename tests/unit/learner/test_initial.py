@@ -49,6 +49,7 @@ def test_scale_rate_and_threads_are_the_configurations(algorithm: str) -> None:
     config = RunConfig.for_task(
         "reaching", algorithm=algorithm, hidden_units=8, learning_rate=0.03, scale_initial=0.7
     )
+    torch.set_num_threads(2)
     network, optimizer = initial_policy(config)
     assert torch.get_num_threads() == 1
     rates = [group["lr"] for group in optimizer.param_groups]

@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import pytest
 import torch
-from geometries import geometries
+from geometries import geometries, shapes
 from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 from minibatches import (
@@ -33,19 +33,21 @@ from bpn_learner.networks import (
     dot_products,
 )
 from bpn_learner.update import make_optimizer
-from bpn_shared.spec.network import NetworkSpec
+from bpn_shared.spec.network import Convolution, NetworkSpec
 
 PATHS = available_paths()
+LARGER = (Convolution(8, 4, 32), Convolution(4, 2, 64), Convolution(3, 1, 64))
 
 
 @pytest.mark.parametrize("path", PATHS)
-@settings(max_examples=40, derandomize=True)
+@settings(max_examples=60, derandomize=True)
 @given(
-    spec=geometries(range(1, 17), 130, 40),
+    spec=geometries(range(1, 17), 130, 40) | shapes(),
     B=st.integers(2, TRANSITIONS),
     seed=st.integers(0, 1000),
 )
 @example(spec=NetworkSpec(channels=6, hidden_units=100, actions=7), B=TRANSITIONS, seed=0)
+@example(spec=NetworkSpec(channels=4, hidden_units=64, actions=6, convolutions=LARGER), B=5, seed=3)
 @example(spec=NetworkSpec(channels=16, hidden_units=1, actions=64), B=2, seed=1)
 @example(spec=NetworkSpec(channels=1, hidden_units=16, actions=2), B=9, seed=2)
 def test_gradients_are_autograds(path: str, spec: NetworkSpec, B: int, seed: int) -> None:
@@ -78,9 +80,9 @@ def float_margin(network: FloatNetwork, pixels: Tensor) -> float:
 
 
 @pytest.mark.parametrize("path", PATHS)
-@settings(max_examples=40, derandomize=True)
+@settings(max_examples=60, derandomize=True)
 @given(
-    spec=geometries(range(1, 17), 130, 40),
+    spec=geometries(range(1, 17), 130, 40) | shapes(),
     B=st.integers(1, TRANSITIONS),
     seed=st.integers(0, 1000),
 )
@@ -178,7 +180,7 @@ def test_bad_input_is_refused() -> None:
         native_gradients(network, pixels, actions + 4, y)(torch.tensor([0, 1]))
     with pytest.raises(ValueError, match="at least 1"):
         native(torch.tensor([], dtype=torch.int64))
-    with pytest.raises(ValueError, match=r"uint8\[n, 84, 84, C\]"):
+    with pytest.raises(ValueError, match=r"uint8\[n, 84, 84, 2\]"):
         native_gradients(network, pixels[..., :1].contiguous(), actions, y)(torch.tensor([0, 1]))
     with pytest.raises(ValueError, match="lengths"):
         native_gradients(network, pixels, actions[:3], y)(torch.tensor([0, 1]))

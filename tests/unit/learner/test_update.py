@@ -78,9 +78,7 @@ def test_observations_are_the_stacked_frames_of_their_episode(frames_stacked: in
 def test_episodes_that_do_not_fit_are_refused() -> None:
     whole = episode(0)
     with pytest.raises(ValueError, match="10 actions and 10 rewards has 10 frames"):
-        Transitions.from_episodes(
-            [EpisodeData(whole.frames[:-1], whole.actions, whole.rewards)], frames_stacked=1
-        )
+        Transitions.from_episodes([replace(whole, frames=whole.frames[:-1])], frames_stacked=1)
     with pytest.raises(ValueError, match="at least 1 episode"):
         Transitions.from_episodes([], frames_stacked=1)
 

@@ -1,11 +1,12 @@
 import hashlib
 import struct
 from dataclasses import replace
+from pathlib import Path
 from uuid import UUID
 
 import numpy as np
 import pytest
-from geometries import geometries
+from geometries import geometries, shapes
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -13,7 +14,8 @@ from bpn_shared.bnn.blob import WeightBlob, encoded_size
 from bpn_shared.bnn.envelope import BlobError
 from bpn_shared.spec.network import NetworkSpec
 
-specs = geometries((1, 3, 6), 256, 64)
+GOLDEN = Path(__file__).parents[2] / "golden/schema-1/01a21e2b-4a1d-7550-8c36-dce4819c20af/weights"
+specs = geometries((1, 3, 6), 256, 64) | shapes()
 blobs = st.builds(
     lambda spec, seed, run, attempt, version: replace(
         WeightBlob.random(spec, np.random.default_rng(seed)),
@@ -76,11 +78,86 @@ def test_size_is_known_before(blob: WeightBlob) -> None:
     assert len(blob.encode()) == encoded_size(blob.spec)
 
 
-def test_paper_sized_policy_is_eleven_kilobytes() -> None:
+def test_paper_sized_policy_is_twelve_kilobytes() -> None:
     spec = NetworkSpec(6, 100, 17)
     assert spec.weight_bits == 87_524  # independently: 3072 + 2048 + 2304 + 78400 + 1700
     assert spec.macs == 1_587_684
-    assert 10_900 < encoded_size(spec) < 11_800
+    header, digest = 128, 32  # 48 + 5 rows of 8 + 2, and up to a multiple of 64
+    signs = (
+        8 * 48 + 16 * 16 + (16 * 20) + 100 * 100 + 48 + (17 * 16) + 48
+    )  # and 48 bytes of padding, twice
+    thresholds = 64 + 64 + 64 + 448
+    assert encoded_size(spec) == header + signs + thresholds + digest
+
+
+def dense(blob: WeightBlob) -> bytes:
+    """Schema 1, which is written no more."""
+    spec = blob.spec
+    header = struct.pack(
+        "<4sHHHH16sIIf", b"BPNW", 1, spec.channels, spec.hidden_units, spec.actions,
+        blob.run.bytes, blob.attempt, blob.version, blob.scale,
+    )  # fmt: skip
+    bits = b"".join(np.packbits(w > 0, bitorder="little").tobytes() for w in blob.weights)
+    taus = b"".join(tau.astype("<i4").tobytes() for tau in blob.thresholds)
+    return header + bits + taus + hashlib.sha256(header + bits + taus).digest()
+
+
+@given(geometries((1, 3, 6), 256, 64), st.integers(0, 2**32), st.uuids())
+def test_schema_1_is_read_for_ever(spec: NetworkSpec, seed: int, run: UUID) -> None:
+    blob = replace(
+        WeightBlob.random(spec, np.random.default_rng(seed)), run=run, attempt=3, version=seed % 99
+    )
+    decoded = WeightBlob.decode(dense(blob))
+    assert decoded.encode() == blob.encode()
+    assert decoded.content_sha256() == blob.content_sha256()
+
+
+@pytest.mark.parametrize("path", sorted(GOLDEN.glob("*.bpnw")), ids=lambda path: path.stem)
+def test_blobs_that_the_first_program_wrote_are_what_they_were(path: Path) -> None:
+    """The digest of what a policy computes does not change with the form in which it is written."""
+    data = path.read_bytes()
+    assert data[4:6] == b"\1\0"
+    blob = WeightBlob.decode(data)
+    assert dense(blob) == data
+    expected = hashlib.sha256(data[6:12] + data[36:-32]).hexdigest()
+    assert blob.content_sha256() == WeightBlob.decode(blob.encode()).content_sha256() == expected
+
+
+@given(shapes(), st.data())
+def test_other_shapes_with_the_same_bits_have_another_digest(
+    spec: NetworkSpec, data: st.DataObject
+) -> None:
+    """Of layers that differ in stride or in the image alone, signs and thresholds may be the same."""
+    blob = WeightBlob.random(spec, np.random.default_rng(0))
+    single = replace(spec, action_dims=())
+    if single != spec:
+        assert replace(blob, spec=single).content_sha256() != blob.content_sha256()
+    *_, last = spec.convolutions
+    before = spec.layers[len(spec.convolutions) - 1].in_size
+    stride = data.draw(st.integers(1, last.kernel))
+    if (
+        stride != last.stride
+        and (before - last.kernel) // stride == (before - last.kernel) // last.stride
+    ):
+        other = replace(spec, convolutions=(*spec.convolutions[:-1], last._replace(stride=stride)))
+        assert replace(blob, spec=other).content_sha256() != blob.content_sha256()
+
+
+@given(shapes(), st.data())
+def test_bytes_between_the_sections_are_zero(spec: NetworkSpec, data: st.DataObject) -> None:
+    """A digest that is right does not make them mean something."""
+    blob = WeightBlob.random(spec, np.random.default_rng(0))
+    full = replace(
+        blob,
+        weights=tuple(np.ones_like(w) for w in blob.weights),
+        thresholds=tuple(np.full_like(tau, -1) for tau in blob.thresholds),
+    )
+    encoded = bytearray(full.encode()[:-32])
+    zero = [at for at in range(44, len(encoded)) if encoded[at] == 0 and (at < 48 or at >= 192)]
+    at = data.draw(st.sampled_from(zero))
+    encoded[at] |= 0x80
+    with pytest.raises(BlobError, match="zero"):
+        WeightBlob.decode(bytes(encoded) + hashlib.sha256(encoded).digest())
 
 
 def test_layers_are_the_papers() -> None:
@@ -100,12 +177,12 @@ def test_layers_are_the_papers() -> None:
     ]
 
 
-@given(blobs)
-def test_a_probe_is_an_observation_and_always_the_same(blob: WeightBlob) -> None:
-    probe = blob.spec.probe()
-    assert (probe.dtype, probe.shape) == (np.uint8, blob.spec.observation_shape)
+@given(geometries((1, 3, 6), 256, 64))
+def test_a_probe_is_an_observation_and_always_the_same(spec: NetworkSpec) -> None:
+    probe = spec.probe()
+    assert (probe.dtype, probe.shape) == (np.uint8, spec.observation_shape)
     assert (probe.min(), probe.max()) == (0, 255)
-    np.testing.assert_array_equal(probe, blob.spec.probe())
+    np.testing.assert_array_equal(probe, spec.probe())
 
 
 @given(blobs, st.data())
@@ -141,7 +218,10 @@ def test_a_wrong_geometry_names_the_value() -> None:
 
 @pytest.mark.parametrize(
     ("place", "value", "reason"),
-    [(0, b"BPNX", "starts with b'BPNX'"), (4, b"\x02\x00", "blob schema 2, this program reads 1")],
+    [
+        (0, b"BPNX", "starts with b'BPNX'"),
+        (4, b"\x03\x00", "blob schema 3, this program reads 1 and 2"),
+    ],
 )
 def test_another_format_is_refused_although_its_digest_is_right(
     place: int, value: bytes, reason: str

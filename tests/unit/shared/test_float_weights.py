@@ -103,8 +103,8 @@ def header(**changes: int) -> bytes:
 def test_whole_but_wrong_contents_are_named() -> None:
     answer = np.zeros(2, "<f4").tobytes()
     assert isinstance(decode_weights(signed(header(), answer + b"model")), FloatWeights)
-    with pytest.raises(BlobError, match="float policy schema 2, this program reads 1"):
-        decode_weights(signed(header(schema=2), answer + b"model"))
+    with pytest.raises(BlobError, match="float policy schema 3, this program reads 1 and 2"):
+        decode_weights(signed(header(schema=3), answer + b"model"))
     with pytest.raises(BlobError, match=r"hidden_units = 0 is outside 1\.\.1024"):
         decode_weights(signed(header(hidden_units=0), answer + b"model"))
     with pytest.raises(BlobError, match="model of 0 bytes"):

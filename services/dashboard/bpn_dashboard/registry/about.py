@@ -27,7 +27,20 @@ _REMEDY = (
 )
 
 
-class About(BaseModel):
+class _Mirror(BaseModel):
+    """A row as a file."""
+
+    @classmethod
+    def decode(cls, data: bytes) -> Self:
+        """Reads what `write` wrote, and files without a digest, of before there was one.
+
+        Raises:
+            DamagedError, ValidationError: damaged.
+        """
+        return cls.model_validate_json(json.dumps(unseal(data)[0]))
+
+
+class About(_Mirror):
     """The mirrored columns of `RunRow`. What another version wrote beside them stays in the file."""
 
     model_config = ConfigDict(frozen=True, extra="ignore", from_attributes=True)
@@ -55,15 +68,6 @@ class About(BaseModel):
         except (OSError, ValueError) as error:
             raise ConfigError(f"{folder.path / _FILE}: {error}; {_REMEDY}") from error
 
-    @classmethod
-    def decode(cls, data: bytes) -> Self:
-        """Reads what `write` wrote, and files without a digest, of before there was one.
-
-        Raises:
-            DamagedError, ValidationError: damaged.
-        """
-        return cls.model_validate_json(json.dumps(unseal(data)[0]))
-
     def columns(self) -> dict[str, Any]:
         """The columns but for the name, which may be left to be made up."""
         return self.model_dump(exclude={"name"})
@@ -77,7 +81,7 @@ class About(BaseModel):
         folder.write(_FILE, seal(about))
 
 
-class SweepFile(BaseModel):
+class SweepFile(_Mirror):
     """A sweep's row as a file."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", from_attributes=True)
@@ -116,13 +120,7 @@ class SweepFile(BaseModel):
 
     @classmethod
     def decode(cls, data: bytes) -> Self:
-        """Reads what `write` wrote, and files without a digest, of before there was one.
-
-        Values that had another name then have today's.
-
-        Raises:
-            DamagedError, ValidationError: damaged.
-        """
-        sweep = cls.model_validate_json(json.dumps(unseal(data)[0]))
+        """As every mirror's; values that had another name then have today's."""
+        sweep = super().decode(data)
         today = {"config": renamed(sweep.config), "grid": renamed_grid(sweep.grid)}
         return sweep.model_copy(update=today)

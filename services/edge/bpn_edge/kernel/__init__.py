@@ -3,10 +3,13 @@
 Each is an entry point of the group `bpn.kernels`, the project's own too; docs/own-kernel.md.
 """
 
+from collections.abc import Callable
+from importlib.util import find_spec
+
 from bpn_edge.kernel.protocol import Kernel
 from bpn_shared import plugins
 
-__all__ = ["Kernel", "load"]
+__all__ = ["Kernel", "banks", "load", "usable_kernels"]
 
 
 def load(name: str) -> Kernel:
@@ -18,3 +21,20 @@ def load(name: str) -> Kernel:
     """
     kernel: Kernel = plugins.find(plugins.KERNELS, name).call()
     return kernel
+
+
+def usable_kernels() -> tuple[str, ...]:
+    """Names of those that are installed here with what they need; imports none of them."""
+    installed = plugins.names(plugins.KERNELS)
+    return tuple(name for name in installed if name != "onnx" or find_spec("onnxruntime"))
+
+
+def banks(name: str) -> tuple[Kernel, Kernel]:
+    """Two kernels of that name without weights: of a device that has two banks itself, its banks, else two of them.
+
+    Raises:
+        PluginError, ConfigError: as `load`.
+    """
+    kernel = load(name)
+    other_bank: Callable[[], Kernel] | None = getattr(kernel, "other_bank", None)
+    return kernel, load(name) if other_bank is None else other_bank()

@@ -26,18 +26,30 @@ const SCHEMA: ConfigSchema = {
   presets: {
     pointing: { hidden_units: 256 },
     sorting: { beta: 3 },
-    'gym:': { beta: 2, hidden_units: 50 },
+    'world:': { beta: 2, hidden_units: 50 },
   },
   tasks: [
     { name: 'pointing', title: 'Pointing', ...TASK },
     { name: 'sorting', title: 'Sorting', ...TASK },
   ],
+  families: [
+    {
+      name: 'world',
+      title: 'Worlds',
+      which: '[MODULE:]ID',
+      noun: 'World',
+      about: '',
+      pattern: String.raw`([A-Za-z_]\w*(\.[A-Za-z_]\w*)*:)?([A-Za-z0-9_.-]+/)?[A-Za-z0-9_.-]+`,
+      examples: ['Flat-v1'],
+    },
+  ],
+  family_options: ['env_kwargs', 'crop', 'difference'],
   defaults: {},
 };
 const field = (key: string) => fieldOf(SCHEMA.schema.properties, key);
 
 test('every key of the schema has its field, also one that nobody placed', () => {
-  const keys = sectionsOf(SCHEMA, 'gym:A-v0').flatMap((section) =>
+  const keys = sectionsOf(SCHEMA, 'world:A-v0').flatMap((section) =>
     section.fields.map((one) => one.key),
   );
   expect([...keys].sort()).toEqual(
@@ -81,22 +93,31 @@ test('a task has its preset over the defaults', () => {
   expect(presetOf(SCHEMA, 'sorting')).toMatchObject({ hidden_units: 100, beta: 3 });
 });
 
-test('a Gymnasium environment has the preset of its kind, and needs an id', () => {
-  expect(presetOf(SCHEMA, 'gym:Some-v0')).toMatchObject({
+test('one of a family has the preset of its kind, and needs a name', () => {
+  expect(presetOf(SCHEMA, 'world:Some-v0')).toMatchObject({
     hidden_units: 50,
     beta: 2,
-    task: 'gym:Some-v0',
+    task: 'world:Some-v0',
   });
-  const draft = draftOf(SCHEMA, { task: 'gym:space/Some-v0', hidden_units: 60 });
+  const draft = draftOf(SCHEMA, { task: 'world:space/Some-v0', hidden_units: 60 });
   expect(read(SCHEMA, draft)).toMatchObject({
-    config: { task: 'gym:space/Some-v0', hidden_units: 60 },
+    config: { task: 'world:space/Some-v0', hidden_units: 60 },
     wrong: {},
   });
-  for (const task of ['gym:minigrid:Empty-5x5-v0', 'gym:some.pack:space/Some-v0']) {
+  for (const task of ['world:minigrid:Empty-5x5-v0', 'world:some.pack:space/Some-v0']) {
     expect(read(SCHEMA, { ...draft, task }).wrong).toEqual({});
   }
-  for (const task of ['gym:', 'gym:a b', 'gym:a/b/c', 'gym:a-b:C-v0', 'gym:a..b:C', 'gym::C']) {
-    expect(read(SCHEMA, { ...draft, task }).wrong.task).toContain('the id of an environment');
+  for (const task of [
+    'world:',
+    'world:a b',
+    'world:a/b/c',
+    'world:a-b:C-v0',
+    'world:a..b:C',
+    'world::C',
+  ]) {
+    expect(read(SCHEMA, { ...draft, task }).wrong.task).toBe(
+      'must be [MODULE:]ID, such as Flat-v1',
+    );
   }
 });
 
@@ -146,10 +167,10 @@ test('a sweep is its grid times its seeds, and says where it is wrong', () => {
   expect(read(SCHEMA, draft).wrong.seeds).toContain('1800 runs');
 });
 
-test('what only environments have is asked of them alone, and may be emptied again', () => {
-  const draft = draftOf(SCHEMA, { task: 'gym:A-v0', crop: '0,34,160,160', difference: true });
+test('what only families leave open is asked of their tasks alone, and may be emptied again', () => {
+  const draft = draftOf(SCHEMA, { task: 'world:A-v0', crop: '0,34,160,160', difference: true });
   expect(read(SCHEMA, draft).config).toEqual({
-    task: 'gym:A-v0',
+    task: 'world:A-v0',
     crop: '0,34,160,160',
     difference: true,
   });
@@ -157,7 +178,7 @@ test('what only environments have is asked of them alone, and may be emptied aga
   draft.texts.crop = ' ';
   expect(read(SCHEMA, draft)).toMatchObject({ wrong: {} });
   expect(read(SCHEMA, draft).config).not.toHaveProperty('crop');
-  const [first] = sectionsOf(SCHEMA, 'gym:A-v0');
+  const [first] = sectionsOf(SCHEMA, 'world:A-v0');
   expect(first?.fields.map((one) => one.key)).toEqual(['env_kwargs', 'crop', 'difference']);
   const others = sectionsOf(SCHEMA, 'pointing').flatMap((section) => section.fields);
   expect(others.map((one) => one.key)).not.toContain('crop');

@@ -1,0 +1,509 @@
+// A binarized policy: pixels in by AXI4-Stream, weight sets by another, registers by AXI4-Lite. One clock, no vendor
+// primitive, no multiplier. docs/fpga.md has the picture.
+module bpn_core (
+    input logic aclk,
+    input logic aresetn,
+
+    input logic [8*bpn::BYTES-1:0] s_axis_pixels_tdata,
+    input logic s_axis_pixels_tvalid,
+    output logic s_axis_pixels_tready,
+    input logic s_axis_pixels_tlast,
+
+    input logic [31:0] s_axis_weights_tdata,
+    input logic s_axis_weights_tvalid,
+    output logic s_axis_weights_tready,
+    input logic s_axis_weights_tlast,
+
+    input logic [9:0] s_axi_awaddr,
+    input logic s_axi_awvalid,
+    output logic s_axi_awready,
+    input logic [31:0] s_axi_wdata,
+    input logic [3:0] s_axi_wstrb,
+    input logic s_axi_wvalid,
+    output logic s_axi_wready,
+    output logic [1:0] s_axi_bresp,
+    output logic s_axi_bvalid,
+    input logic s_axi_bready,
+    input logic [9:0] s_axi_araddr,
+    input logic s_axi_arvalid,
+    output logic s_axi_arready,
+    output logic [31:0] s_axi_rdata,
+    output logic [1:0] s_axi_rresp,
+    output logic s_axi_rvalid,
+    input logic s_axi_rready,
+
+    output logic irq
+);
+  localparam int GEOMETRY_W = bpn::GEOMETRY_W;
+  wire clk = aclk;
+  wire rst_n = aresetn;
+
+  // Registers.
+  logic write, write_refused, read, read_ready, read_refused;
+  logic [7:0] write_register, read_register;
+  logic [31:0] write_data, read_data;
+  logic select, select_refused, pixels_push, weights_push, push_last;
+  logic [1:0] select_banks, valid, selected, in_use;
+  logic [2*GEOMETRY_W-1:0] geometries;
+  logic [63:0] epochs, crcs;
+  logic [31:0] push_data;
+  logic memory_read, memory_ready;
+  logic [31:0] memory_address, memory_data;
+
+  wire unused = &{1'b0, memory_address[26:13]};
+
+  // Frames.
+  logic start, newest, newest_bank, full, flying, oldest, oldest_bank, oldest_misaligned, finish;
+  logic pixels_done, misaligned;
+  logic [bpn::G_LAST_BEAT-1:0] oldest_geometry;
+  wire [GEOMETRY_W-1:0] next_geometry =
+      selected[1] ? geometries[GEOMETRY_W+:GEOMETRY_W] : geometries[0+:GEOMETRY_W];
+  wire [bpn::GROUP_W-1:0] node_groups = oldest_geometry[bpn::G_NODE_GROUPS+:bpn::GROUP_W];
+  wire [bpn::ACTION_GROUP_W-1:0] action_groups = oldest_geometry[bpn::G_ACTION_GROUPS+:bpn::ACTION_GROUP_W];
+
+  bpn_axi_lite u_axi_lite (
+      .clk,
+      .rst_n,
+      .s_awaddr(s_axi_awaddr),
+      .s_awvalid(s_axi_awvalid),
+      .s_awready(s_axi_awready),
+      .s_wdata(s_axi_wdata),
+      .s_wstrb(s_axi_wstrb),
+      .s_wvalid(s_axi_wvalid),
+      .s_wready(s_axi_wready),
+      .s_bresp(s_axi_bresp),
+      .s_bvalid(s_axi_bvalid),
+      .s_bready(s_axi_bready),
+      .s_araddr(s_axi_araddr),
+      .s_arvalid(s_axi_arvalid),
+      .s_arready(s_axi_arready),
+      .s_rdata(s_axi_rdata),
+      .s_rresp(s_axi_rresp),
+      .s_rvalid(s_axi_rvalid),
+      .s_rready(s_axi_rready),
+      .write,
+      .write_register,
+      .write_data,
+      .write_refused,
+      .read,
+      .read_register,
+      .read_ready,
+      .read_data,
+      .read_refused
+  );
+
+  // The streams, each with a word that the host may push in.
+  logic [8*bpn::BYTES-1:0] pixels;
+  logic pixels_valid, pixels_ready, pixels_last, pixels_full;
+  logic [31:0] set_word;
+  logic set_valid, set_ready, set_last, weights_full;
+
+  bpn_push #(
+      .WIDTH(8 * bpn::BYTES)
+  ) u_push_pixels (
+      .clk,
+      .rst_n,
+      .push(pixels_push),
+      .push_data((8 * bpn::BYTES)'(push_data)),
+      .push_last,
+      .full(pixels_full),
+      .s_tdata(s_axis_pixels_tdata),
+      .s_tvalid(s_axis_pixels_tvalid),
+      .s_tready(s_axis_pixels_tready),
+      .s_tlast(s_axis_pixels_tlast),
+      .m_tdata(pixels),
+      .m_tvalid(pixels_valid),
+      .m_tready(pixels_ready),
+      .m_tlast(pixels_last)
+  );
+
+  bpn_push u_push_weights (
+      .clk,
+      .rst_n,
+      .push(weights_push),
+      .push_data,
+      .push_last,
+      .full(weights_full),
+      .s_tdata(s_axis_weights_tdata),
+      .s_tvalid(s_axis_weights_tvalid),
+      .s_tready(s_axis_weights_tready),
+      .s_tlast(s_axis_weights_tlast),
+      .m_tdata(set_word),
+      .m_tvalid(set_valid),
+      .m_tready(set_ready),
+      .m_tlast(set_last)
+  );
+
+  // Banks.
+  logic loading, begun, begun_bank, load_bank, verified;
+  logic [3:0] refused;
+  logic [GEOMETRY_W-1:0] load_geometry;
+  logic [31:0] load_epoch, load_crc, load_data;
+  logic [bpn::BYTES-1:0] conv1_write;
+  logic [bpn::BEAT_W+1:0] conv1_address;
+  logic threshold_write;
+  logic [2:0] threshold_address;
+  logic [7:0] engine_write;
+  logic [bpn::WEIGHT_W-1:0] engine_address;
+
+  bpn_loader u_loader (
+      .clk,
+      .rst_n,
+      .s_tdata(set_word),
+      .s_tvalid(set_valid),
+      .s_tready(set_ready),
+      .s_tlast(set_last),
+      .selected,
+      .in_use,
+      .busy(loading),
+      .begun,
+      .begun_bank,
+      .bank(load_bank),
+      .verified,
+      .geometry(load_geometry),
+      .epoch(load_epoch),
+      .crc(load_crc),
+      .refused,
+      .conv1_write,
+      .conv1_address,
+      .threshold_write,
+      .threshold_address,
+      .engine_write,
+      .engine_address,
+      .write_data(load_data)
+  );
+
+  bpn_banks u_banks (
+      .clk,
+      .rst_n,
+      .begun,
+      .begun_bank,
+      .verified,
+      .load_bank,
+      .load_geometry,
+      .load_epoch,
+      .load_crc,
+      .select,
+      .select_banks,
+      .select_refused,
+      .valid,
+      .selected,
+      .geometries,
+      .epochs,
+      .crcs
+  );
+
+  // Pixels and conv1.
+  logic hold_pixels, hold_engine;
+  logic beat_valid, beat_last;
+  logic [8*bpn::BYTES-1:0] beat_data;
+  logic [bpn::BEAT_W-1:0] beat;
+  logic [bpn::BLOCK_W-1:0] block;
+  logic [bpn::ROW_W-1:0] row;
+
+  bpn_frame_gate u_gate (
+      .clk,
+      .rst_n,
+      .s_tdata(pixels),
+      .s_tvalid(pixels_valid),
+      .s_tready(pixels_ready),
+      .s_tlast(pixels_last),
+      .go(selected != '0 && !full),
+      .last_beat(next_geometry[bpn::G_LAST_BEAT+:bpn::BEAT_W]),
+      .hold(hold_pixels),
+      .start,
+      .done(pixels_done),
+      .misaligned,
+      .beat_valid,
+      .beat_data,
+      .beat,
+      .beat_last,
+      .block,
+      .row
+  );
+
+  bpn_flight u_flight (
+      .clk,
+      .rst_n,
+      .start,
+      .start_bank(selected[1]),
+      .start_geometry(next_geometry[bpn::G_LAST_BEAT-1:0]),
+      .end_of_pixels(pixels_done),
+      .end_misaligned(misaligned),
+      .finish,
+      .full,
+      .in_use,
+      .newest,
+      .newest_bank,
+      .active(flying),
+      .oldest,
+      .oldest_bank,
+      .oldest_misaligned,
+      .oldest_geometry
+  );
+
+  logic host_conv1, host_engine;
+  logic [32*bpn::BYTES-1:0] host_weights;
+  logic [31:0] host_threshold;
+  logic map_write, map_half;
+  logic [7:0] map_address;
+  logic [15:0] map_word;
+
+  bpn_conv1 u_conv1 (
+      .clk,
+      .rst_n,
+      .beat_valid,
+      .beat_data,
+      .beat,
+      .beat_last,
+      .block,
+      .row,
+      .bank(newest_bank),
+      .half(newest),
+      .write_bank(load_bank),
+      .weight_write(conv1_write),
+      .weight_address(conv1_address),
+      .threshold_write,
+      .threshold_address,
+      .write_data(load_data),
+      .host_read(host_conv1),
+      .host_address({memory_address[27], memory_address[$clog2(bpn::BYTES)+:bpn::BEAT_W+2]}),
+      .host_weights,
+      .host_threshold_address({memory_address[27], memory_address[2:0]}),
+      .host_threshold,
+      .map_write,
+      .map_half,
+      .map_address,
+      .map_word
+  );
+
+  // The engine: what it does next, the memories that it reads, its sums.
+  logic idle, step, is_bias, is_first, is_last;
+  logic [1:0] layer;
+  logic [7:0] input_address;
+  logic [bpn::WEIGHT_W-1:0] weight_address;
+  logic [bpn::GROUP_W-1:0] group;
+  logic [7:0] conv1_words[2];
+  logic [6:0] conv2_words;
+  logic [5:0] conv3_words;
+  logic [bpn::GROUP_W-1:0] fc1_words;
+
+  bpn_schedule u_schedule (
+      .clk,
+      .rst_n,
+      .active(flying),
+      .node_groups,
+      .action_groups,
+      .clear(finish),
+      .conv1_words(conv1_words[oldest]),
+      .conv2_words,
+      .conv3_words,
+      .fc1_words,
+      .hold(hold_engine),
+      .idle,
+      .step,
+      .layer,
+      .map_address(input_address),
+      .weight_address,
+      .group,
+      .is_bias,
+      .is_first,
+      .is_last
+  );
+
+  // Engine maps lie in one memory: conv2's 81 words from 0, conv3's 49 from 128, FC(N)'s from 192.
+  logic stepped, stepped_bias, stepped_first, stepped_last;
+  logic [1:0] stepped_layer, read_layer_1, read_layer;
+  logic [bpn::GROUP_W-1:0] stepped_group;
+  logic [bpn::WEIGHT_W:0] weights_read;
+  logic [8:0] conv1_read;
+  logic [7:0] maps_read;
+  logic [255:0] weights;
+  logic [15:0] conv1_input, maps_input;
+  logic done;
+  logic [1:0] done_layer;
+  logic [bpn::GROUP_W-1:0] done_group;
+  logic [15:0] active;
+  logic [16*bpn::ACC_W-1:0] sums;
+  logic [7:0] done_address;
+
+  always_ff @(posedge clk) begin
+    stepped <= step;
+    stepped_layer <= layer;
+    stepped_group <= group;
+    stepped_bias <= is_bias;
+    stepped_first <= is_first;
+    stepped_last <= is_last;
+    read_layer_1 <= stepped_layer;
+    read_layer <= read_layer_1;
+    if (host_engine) begin
+      weights_read <= {memory_address[27], memory_address[3+:bpn::WEIGHT_W]};
+      conv1_read <= {newest, memory_address[7:0]};
+      maps_read <= memory_address[7:0];
+    end else begin
+      weights_read <= {oldest_bank, weight_address};
+      conv1_read <= {oldest, input_address};
+      case (layer)
+        2'd1: maps_read <= {1'b0, input_address[6:0]};
+        2'd2: maps_read <= {2'b10, input_address[5:0]};
+        default: maps_read <= {2'b11, input_address[5:0]};
+      endcase
+    end
+    if (!rst_n) stepped <= 1'b0;
+  end
+
+  bpn_ram #(
+      .DEPTH(2 ** (bpn::WEIGHT_W + 1)),
+      .LANES(8),
+      .LANE (32)
+  ) u_weights (
+      .clk,
+      .write(engine_write),
+      .write_address({load_bank, engine_address}),
+      .write_data(load_data),
+      .read_address(weights_read),
+      .read_data(weights)
+  );
+
+  bpn_ram #(
+      .DEPTH(512),
+      .LANES(1),
+      .LANE (16)
+  ) u_conv1_map (
+      .clk,
+      .write(map_write),
+      .write_address({map_half, map_address}),
+      .write_data(map_word),
+      .read_address(conv1_read),
+      .read_data(conv1_input)
+  );
+
+  always_comb
+    case (done_layer)
+      2'd0: done_address = {1'b0, conv2_words};
+      2'd1: done_address = {2'b10, conv3_words};
+      default: done_address = {2'b11, 6'(done_group)};
+    endcase
+
+  bpn_ram #(
+      .DEPTH(256),
+      .LANES(1),
+      .LANE (16)
+  ) u_maps (
+      .clk,
+      .write(done && done_layer != 2'd3),
+      .write_address(done_address),
+      .write_data(active),
+      .read_address(maps_read),
+      .read_data(maps_input)
+  );
+
+  bpn_xnor u_xnor (
+      .clk,
+      .rst_n,
+      .step(stepped),
+      .layer(stepped_layer),
+      .group(stepped_group),
+      .is_bias(stepped_bias),
+      .is_first(stepped_first),
+      .is_last(stepped_last),
+      .inputs(read_layer == 2'd0 ? conv1_input : maps_input),
+      .weights,
+      .done,
+      .done_layer,
+      .done_group,
+      .active,
+      .sums
+  );
+
+  // How far the frames are.
+  wire output_done = done && done_layer == 2'd3;
+  assign finish = output_done && done_group == bpn::GROUP_W'(action_groups) - 1'b1;
+
+  logic [31:0] clocks;
+  logic [31:0] begun_at[2], ended_at[2];
+  wire result = finish && !oldest_misaligned;
+  wire [bpn::EVENTS-1:0] events = {refused, finish && oldest_misaligned, verified, result};
+
+  always_ff @(posedge clk) begin
+    clocks <= clocks + 1'b1;
+    if (start) begin
+      begun_at[!newest] <= clocks;
+      conv1_words[!newest] <= '0;
+    end
+    if (pixels_done) ended_at[newest] <= clocks;
+    if (map_write) conv1_words[map_half] <= conv1_words[map_half] + 1'b1;
+    if (done)
+      case (done_layer)
+        2'd0: conv2_words <= conv2_words + 1'b1;
+        2'd1: conv3_words <= conv3_words + 1'b1;
+        2'd2: fc1_words <= fc1_words + 1'b1;
+        default: ;
+      endcase
+    if (finish || !rst_n) {conv2_words, conv3_words, fc1_words} <= '0;
+    if (!rst_n) clocks <= '0;
+  end
+
+  bpn_memory_reader u_memory_reader (
+      .clk,
+      .read(memory_read),
+      .region(memory_address[31:28]),
+      .lane(memory_address[4:0]),
+      .ready(memory_ready),
+      .data(memory_data),
+      .hold_pixels,
+      .read_conv1(host_conv1),
+      .hold_engine,
+      .engine_idle(idle),
+      .read_engine(host_engine),
+      .conv1_weights(host_weights),
+      .conv1_threshold(host_threshold),
+      .engine_weights(weights),
+      .conv1_map(conv1_input),
+      .maps(maps_input)
+  );
+
+  bpn_registers u_registers (
+      .clk,
+      .rst_n,
+      .write,
+      .write_register,
+      .write_data,
+      .write_refused,
+      .read,
+      .read_register,
+      .read_ready,
+      .read_data,
+      .read_refused,
+      .irq,
+      .select,
+      .select_banks,
+      .select_refused,
+      .valid,
+      .selected,
+      .loading,
+      .bank_sizes({geometries[GEOMETRY_W+:23], geometries[0+:23]}),
+      .epochs,
+      .crcs,
+      .in_flight(flying),
+      .events,
+      .result,
+      .result_epoch(oldest_bank ? epochs[63:32] : epochs[31:0]),
+      .result_sizes(oldest_geometry[22:0]),
+      .result_clocks(clocks - begun_at[oldest]),
+      .result_tail(clocks - ended_at[oldest]),
+      .output_write(output_done),
+      .output_group(done_group[1:0]),
+      .output_sums(sums),
+      .pixels_push,
+      .weights_push,
+      .push_data,
+      .push_last,
+      .pixels_full,
+      .weights_full,
+      .memory_read,
+      .memory_address,
+      .memory_ready,
+      .memory_data
+  );
+endmodule

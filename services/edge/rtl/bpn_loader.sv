@@ -1,0 +1,165 @@
+// Takes a weight set as a stream of 32-bit words into the bank that the set names, and verifies it:
+//
+//   identity | sizes, bank | epoch | conv1's weights, thresholds | the engine's words | CRC-32 of all before
+//
+// A bank counts for nothing from the moment its set begins to the moment the whole set was right.
+// A set for the bank that runs is refused; for one that a frame in flight still needs, it waits.
+module bpn_loader (
+    input logic clk,
+    input logic rst_n,
+
+    input logic [31:0] s_tdata,
+    input logic s_tvalid,
+    output logic s_tready,
+    input logic s_tlast,
+
+    input logic [1:0] selected,  // by bank
+    input logic [1:0] in_use,  // by bank
+
+    output logic busy,
+    output logic begun,  // from this clock on the bank's old content is gone
+    output logic begun_bank,
+    output logic bank,
+    output logic verified,  // the bank now holds the set
+    output logic [bpn::GEOMETRY_W-1:0] geometry,
+    output logic [31:0] epoch,
+    output logic [31:0] crc,
+    output logic [3:0] refused,  // why: bad identity, sizes or bank, length, CRC
+
+    output logic [bpn::BYTES-1:0] conv1_write,
+    output logic [bpn::BEAT_W+1:0] conv1_address,
+    output logic threshold_write,
+    output logic [2:0] threshold_address,
+    output logic [7:0] engine_write,
+    output logic [bpn::WEIGHT_W-1:0] engine_address,
+    output logic [31:0] write_data
+);
+  localparam logic [2:0] IDENTITY = 0, SIZES = 1, EPOCH = 2, CONV1 = 3, THRESHOLDS = 4, ENGINE = 5, CRC = 6, DROP = 7;
+  localparam logic [3:0] WRONG_IDENTITY = 1, WRONG_SIZES = 2, WRONG_LENGTH = 4, WRONG_CRC = 8;
+  localparam int WEIGHT_W = bpn::WEIGHT_W;
+
+  logic [2:0] state;
+  logic [bpn::BYTES-1:0] conv1_lane;  // one-hot
+  logic [1:0] conv1_row;
+  logic [bpn::BEAT_W-1:0] conv1_beat;
+  logic [2:0] lane;
+  logic [WEIGHT_W-1:0] fc1_end, fc2_words, last_word, word;
+
+  // Sizes, as the second word has them, and what follows from them.
+  wire [4:0] channels = s_tdata[4:0];
+  wire [7:0] actions = s_tdata[15:8];
+  wire [15:0] nodes = s_tdata[31:16];
+  wire sizes_fit = channels != '0 && channels <= 5'(bpn::MAX_CHANNELS) && s_tdata[6:5] == '0
+      && actions >= 8'd2 && actions <= 8'(bpn::MAX_ACTIONS) && nodes != '0 && nodes <= 16'(bpn::MAX_NODES)
+      && !selected[s_tdata[7]];
+  wire [4:0] channels_less_1 = channels - 5'd1;
+  wire [WEIGHT_W-1:0] groups = WEIGHT_W'(geometry[bpn::G_NODE_GROUPS+:bpn::GROUP_W]);
+  wire [bpn::ACTION_GROUP_W-1:0] action_groups = geometry[bpn::G_ACTION_GROUPS+:bpn::ACTION_GROUP_W];
+  wire [bpn::BEAT_W-1:0] last_beat = geometry[bpn::G_LAST_BEAT+:bpn::BEAT_W];
+
+  wire taken = s_tvalid && s_tready;
+  assign begun = taken && state == SIZES && sizes_fit && !s_tlast;
+  assign begun_bank = s_tdata[7];
+  assign s_tready = state != EPOCH || !in_use[bank];
+  assign busy = state != IDENTITY;
+
+  bpn_crc32 u_crc (
+      .clk,
+      .clear(state == IDENTITY),
+      .enable(taken),
+      .word(s_tdata),
+      .crc
+  );
+
+  always_ff @(posedge clk) begin
+    verified <= 1'b0;
+    refused <= '0;
+    conv1_write <= '0;
+    threshold_write <= 1'b0;
+    engine_write <= '0;
+    write_data <= s_tdata;
+    conv1_address <= {conv1_row, conv1_beat};
+    threshold_address <= lane;
+    engine_address <= word;
+    fc1_end <= (groups << 5) + (groups << 4) + (groups << 1) + WEIGHT_W'(bpn::FC1_WEIGHTS - 1);
+    fc2_words <= (action_groups[0] ? groups : '0) + (action_groups[1] ? groups << 1 : '0) + (action_groups[2] ? groups << 2 : '0);
+    last_word <= fc1_end + fc2_words;
+
+    if (taken) begin
+      case (state)
+        IDENTITY: begin
+          state <= SIZES;
+          if (s_tdata != bpn::SET_IDENTITY) begin
+            refused <= WRONG_IDENTITY;
+            state <= DROP;
+          end
+        end
+        SIZES: begin
+          bank <= s_tdata[7];
+          geometry <= {
+            bpn::BEAT_W'({channels_less_1, 2'b11} >> $clog2(bpn::BYTES)),
+            bpn::GROUP_W'(nodes >> 4) + bpn::GROUP_W'(nodes[3:0] != '0),
+            bpn::ACTION_GROUP_W'(actions >> 4) + bpn::ACTION_GROUP_W'(actions[3:0] != '0),
+            nodes[10:0],
+            actions[6:0],
+            channels
+          };
+          state <= EPOCH;
+          if (!sizes_fit) begin
+            refused <= WRONG_SIZES;
+            state <= DROP;
+          end
+        end
+        EPOCH: begin
+          epoch <= s_tdata;
+          conv1_lane <= 1;
+          {conv1_row, conv1_beat, lane, word} <= '0;
+          state <= CONV1;
+        end
+        CONV1: begin
+          conv1_write <= conv1_lane;
+          conv1_lane <= conv1_lane << 1;
+          if (conv1_lane[bpn::BYTES-1]) begin
+            conv1_lane <= 1;
+            conv1_beat <= conv1_beat + 1'b1;
+            if (conv1_beat == last_beat) begin
+              conv1_beat <= '0;
+              conv1_row <= conv1_row + 1'b1;
+              if (conv1_row == 2'd3) state <= THRESHOLDS;
+            end
+          end
+        end
+        THRESHOLDS: begin
+          threshold_write <= 1'b1;
+          lane <= lane + 1'b1;
+          if (lane == 3'd7) state <= ENGINE;
+        end
+        ENGINE: begin
+          engine_write <= 8'd1 << lane;
+          lane <= lane + 1'b1;
+          if (lane == 3'd7) begin
+            word <= word + 1'b1;
+            if (word == last_word) state <= CRC;
+          end
+        end
+        CRC: begin
+          state <= IDENTITY;
+          if (!s_tlast) begin
+            refused <= WRONG_LENGTH;
+            state <= DROP;
+          end else if (s_tdata != crc) refused <= WRONG_CRC;
+          else verified <= 1'b1;
+        end
+        default: ;
+      endcase
+      if (s_tlast && state != CRC) begin
+        state <= IDENTITY;
+        if (state != DROP) refused <= WRONG_LENGTH;
+      end
+    end
+    if (!rst_n) begin
+      state <= IDENTITY;
+      {verified, refused, conv1_write, threshold_write, engine_write} <= '0;
+    end
+  end
+endmodule
