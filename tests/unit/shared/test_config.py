@@ -182,7 +182,7 @@ def test_the_rate_falls_linearly_over_the_run(iterations: int, last: float) -> N
 BY_VALUE = {"task_spec", "algorithm_spec"}
 DEFAULTS: dict[str, Any] = {
     "env_kwargs": "", "env_wrappers": "", "frames_from": "auto", "observation_key": "", "crop": "",
-    "max_over_frames": 1, "difference": False, "action_bins": 0,
+    "max_over_frames": 1, "difference": False, "action_bins": 0, "frame_px": 84, "conv": "8x4x8,4x2x16,3x1x16",
     "task": "reaching", "algorithm": "bpn", "seed": 0, "frame_channels": 1, "frames_stacked": 1,
     "frame_skip": 1, "actions": 14, "iterations": 50, "episodes": 10, "steps": 20, "epochs": 50,
     "batch_size": 32, "replay_iterations": 3, "alpha": 0.95, "beta": 1.0, "gamma": 0.99,
@@ -259,7 +259,7 @@ def test_the_learning_rate_falls_on_a_line_over_the_run(iterations: int, last: f
 
 
 RANGES: dict[str, tuple[float, float]] = {
-    "seed": (0, 2**63 - 1), "frame_channels": (0, 3), "frames_stacked": (0, 16), "frame_skip": (0, 100),
+    "seed": (0, 2**63 - 1), "frame_px": (0, 256), "frame_channels": (0, 3), "frames_stacked": (0, 16), "frame_skip": (0, 100),
     "actions": (0, 64), "iterations": (1, 100_000), "episodes": (1, 10_000), "steps": (1, 1000),
     "epochs": (1, 10_000), "batch_size": (2, 4096), "replay_iterations": (1, 1000), "hidden_units": (1, 1024),
     "learners": (1, 64),
