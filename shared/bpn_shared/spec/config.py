@@ -1,6 +1,7 @@
 """The configuration of a run: its task and its algorithm by value, and the values of all sections, flat."""
 
 import json
+from contextlib import suppress
 from typing import Annotated, Any, Self
 
 from pydantic import Field, ValidationError, model_validator
@@ -70,12 +71,11 @@ class RunConfig(ExecutionValues, TrainingValues, AlgorithmValues, TaskOptions):
             name: v for name, v in values.items() if not (name in _AS_THE_TASK and v in (0, "0"))
         }
         of_task = values.get("task_spec")
+        if isinstance(of_task, dict):
+            with suppress(ValidationError):  # which is said of the field
+                of_task = TaskSpec.model_validate(of_task)
         if isinstance(of_task, TaskSpec):
             given = of_task.options() | given
-        elif isinstance(of_task, dict):
-            of_gym = of_task.get("gym")
-            told = of_task | (of_gym if isinstance(of_gym, dict) else {})
-            given = {name: told[name] for name in TaskOptions.model_fields if name in told} | given
         name = given.setdefault("algorithm", "bpn")
         if "algorithm_spec" not in given:
             given["algorithm_spec"] = _algorithm_spec(name)
