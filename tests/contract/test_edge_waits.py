@@ -10,7 +10,8 @@ from loop_parts import Running
 from bpn_edge import service as edge
 from bpn_shared.bus.session import Bus
 from bpn_shared.messages.control import Assignment
-from bpn_shared.spec.config import Pacing, RunConfig
+from bpn_shared.spec.config import RunConfig
+from bpn_shared.spec.sections import Pacing
 
 CONFIG = RunConfig.for_task("reaching", hidden_units=16, steps=3)
 

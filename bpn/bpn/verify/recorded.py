@@ -15,7 +15,7 @@ from bpn.verify.targets import Played
 from bpn_shared.messages.base import MessageError
 from bpn_shared.messages.episode import Episode
 from bpn_shared.runs.folder import RunFolder
-from bpn_shared.spec.algorithms import SOFTMAX
+from bpn_shared.spec.algorithms import EPSILON_GREEDY, SOFTMAX
 from bpn_shared.spec.config import RunConfig
 
 FLOAT_TOLERANCE = 1e-4
@@ -136,6 +136,11 @@ def check_outputs(recording: Recording, observed: Tensor, findings: Findings) ->
 def check_actions(recording: Recording, findings: Findings) -> None:
     """The action of every step; where none came in time (realtime pacing), the hold action."""
     episode, config = recording.episode, recording.config
+    if config.policy not in (SOFTMAX, EPSILON_GREEDY):
+        findings["actions"].note(
+            f"the action selection {config.policy!r} is no part of this program"
+        )
+        return
     uniforms = draws.step_uniforms(episode.meta.seed, episode.steps)
     answers = [recording.choice(step, number) for step, number in enumerate(uniforms)]
     choices = [

@@ -9,6 +9,9 @@ from torch import Tensor
 from bpn.verify.play import Policy
 from bpn_shared.spec.config import RunConfig
 
+COMPUTED = ("cvi", "dqn")
+"""The targets that are computed here; of others, which are somebody's own, only what they leave is looked at."""
+
 
 @dataclass(frozen=True, eq=False)
 class Played:

@@ -9,7 +9,7 @@ from bpn.verify import draws, explanations, recorded, records, rounding
 from bpn.verify.beginning import check_taken_over
 from bpn.verify.findings import Findings
 from bpn.verify.play import Policy, unpacked
-from bpn.verify.targets import Played, Targets
+from bpn.verify.targets import COMPUTED, Played, Targets
 from bpn.verify.trainee import Trainee, released
 from bpn.verify.training import gap, learning_rate_factors, minibatches, train
 from bpn.verify.update import Update
@@ -17,6 +17,7 @@ from bpn.verify.weights import described, digest, distance, same_bits
 from bpn_shared.bnn.envelope import BlobError
 from bpn_shared.bnn.weights import Weights
 from bpn_shared.runs.folder import RunFolder
+from bpn_shared.spec.algorithms import EPSILON_GREEDY, SOFTMAX
 from bpn_shared.spec.config import ConfigError, RunConfig
 
 OnEpoch = Callable[[int, int], None]
@@ -137,16 +138,16 @@ class Verification:
     def _check_update(self, update: Update) -> float:
         """One update, from its data to its weights; the offset of the next preferences."""
         config, where, record = self.config, update.where, update.record
-        data = update.targets()
-        steps = config.epochs * minibatches(len(data.y), config.batch_size)
-        of_all = config.epochs * minibatches(sum(self._steps), config.batch_size)
-        hint = (
-            "it is that of the data sets of all iterations" if record["updates"] == of_all else ""
-        )
-        self.findings.compare("updates", where, record["updates"], steps, hint=hint)
-        self._check_targets(update, data)
+        self._check_steps(update)
         found, expected = record["scale"], update.following.scale
         self.findings.compare("scale", f"{where}, lambda", found, expected, tolerance=1e-6)
+        if config.algorithm_spec.targets not in COMPUTED:
+            self._follows = False
+            self.findings["targets"].note(_OWN_TARGETS.format(config.algorithm_spec.targets))
+            self._progress(config.epochs)
+            return 0.0
+        data = update.targets()
+        self._check_targets(update, data)
         binary = update.following.binary
         reach = update.following.scale * config.network.hidden_units if binary else float("inf")
         expected = float((data.y.abs() > reach).float().mean())
@@ -161,6 +162,14 @@ class Verification:
             )
             self._progress(config.epochs)
         return data.offset
+
+    def _check_steps(self, update: Update) -> None:
+        config, found = self.config, update.record["updates"]
+        size = sum(len(episode.actions) for episode in update.D)
+        steps = config.epochs * minibatches(size, config.batch_size)
+        of_all = config.epochs * minibatches(sum(self._steps), config.batch_size)
+        hint = "it is that of the data sets of all iterations" if found == of_all else ""
+        self.findings.compare("updates", update.where, found, steps, hint=hint)
 
     def _check_targets(self, update: Update, data: Targets) -> None:
         where, tolerance = update.where, TARGET_TOLERANCE[self._network]
@@ -262,6 +271,11 @@ class Verification:
             self.findings["gradients"].note(f"median distance {median:.1g} of the norm")
 
 
+_OWN_TARGETS = (
+    "the targets {!r} are no part of this program: they and the training by them are not judged"
+)
+
+
 def what_is_trusted(config: RunConfig) -> list[str]:
     """What a run folder alone cannot show."""
     trusted = ["the frames, that each is what the camera saw after the action before it"]
@@ -271,5 +285,9 @@ def what_is_trusted(config: RunConfig) -> list[str]:
         trusted.append(
             "the latent weights that it begins with, behind the policy that was taken over"
         )
+    if config.algorithm_spec.targets not in COMPUTED:
+        trusted.append(f"the updates, which {config.algorithm}'s own targets decide")
+    if config.policy not in (SOFTMAX, EPSILON_GREEDY):
+        trusted.append(f"the actions, which {config.algorithm}'s own selection draws")
     trusted.append("whether an episode's end was the task's, and times")
     return trusted

@@ -29,7 +29,7 @@ def mellowmax(P: Tensor, beta: float, dims: Sequence[int] = ()) -> Tensor:
     Returns:
         [...].
     """
-    first, *others = _by_dimension(P, dims)
+    first, *others = by_dimension(P, dims)
     m = _mellowmax(first, beta)
     for part in others:
         m = m + _mellowmax(part, beta)
@@ -44,7 +44,7 @@ def _mellowmax(P: Tensor, beta: float) -> Tensor:
 
 def best(P: Tensor, dims: Sequence[int] = ()) -> Tensor:
     """max_a P(s,a), [...]; arguments as of `mellowmax`."""
-    first, *others = _by_dimension(P, dims)
+    first, *others = by_dimension(P, dims)
     top = first.amax(dim=-1)
     for part in others:
         top = top + part.amax(dim=-1)
@@ -143,7 +143,8 @@ def dqn_target(
     return reward + gamma * _unless(done, best(P_next, dims), terminal)
 
 
-def _by_dimension(P: Tensor, dims: Sequence[int]) -> Sequence[Tensor]:
+def by_dimension(P: Tensor, dims: Sequence[int]) -> Sequence[Tensor]:
+    """P_d(s, .) of every dimension, views of P [..., |A|]."""
     return torch.split(P, list(dims), dim=-1) if len(dims) > 1 else (P,)
 
 

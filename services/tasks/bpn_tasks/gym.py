@@ -101,7 +101,11 @@ def spec(name: str, options: TaskOptions) -> TaskSpec:
 
 GYM = TaskFamily(
     which="[MODULE:]ENVIRONMENT-ID",
-    title="Gymnasium environment",
+    title="Gymnasium",
+    noun="Environment",
+    about="its id, behind MODULE: where a package registers it that robot workers allow; one of them opens it to "
+    "count its actions, unless they are given below",
+    pattern=GYM_NAME.removeprefix(GYM_PREFIX),
     make=spec,
     preset=preset,
     known=tuple(_PRESETS),

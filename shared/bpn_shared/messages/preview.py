@@ -45,7 +45,7 @@ class PreviewHeader(NamedTuple):
         schema, channels, stacked, frame_px, *rest = _HEADER.unpack(data)
         if schema != SCHEMA:
             raise OtherVersionError(f"preview header: schema {schema}, this program reads {SCHEMA}")
-        header = cls(channels, stacked, *rest, frame_px or IMAGE_SIZE_PX)
+        header = cls._make((channels, stacked, *rest, frame_px or IMAGE_SIZE_PX))
         if not MIN_IMAGE_SIZE_PX <= header.frame_px <= MAX_IMAGE_SIZE_PX:
             raise MessageError(f"preview header: frames of {frame_px} x {frame_px} pixels")
         if not 1 <= header.channels <= MAX_CHANNELS or not stacked or header.channels % stacked:

@@ -13,10 +13,9 @@ from bpn_shared.errors import InputError
 from bpn_shared.runs.config_migrations import MIGRATIONS
 from bpn_shared.runs.digests import DamagedError, seal, unseal
 from bpn_shared.spec.algorithms import AlgorithmSpec
-from bpn_shared.spec.config import ConfigError, RunConfig
+from bpn_shared.spec.config import ConfigError, RunConfig, told_options
 from bpn_shared.spec.renamed import renamed
 from bpn_shared.spec.sections import ADDED, LEARNED, SECTIONS
-from bpn_shared.spec.tasks import TaskOptions
 from bpn_shared.version import VERSION, written_by
 
 SCHEMA = 4
@@ -132,19 +131,11 @@ def _values(document: dict[str, Any], schema: int) -> dict[str, Any] | None:
     if not all(isinstance(part, dict) for part in parts.values()):
         return None
     task, algorithm = dict(parts.pop("task") or {}), dict(parts.pop("algorithm") or {})
-    values = _of_task(task) | _of_algorithm(algorithm)
+    values = told_options(task) | {"task": task.get("name"), "task_spec": task}
+    values |= _of_algorithm(algorithm)
     for part in parts.values():
         values |= part or {}
     return values
-
-
-def _of_task(spec: dict[str, Any]) -> dict[str, Any]:
-    """What follows from the specification, which is more than that: `RunConfig` fills it in again."""
-    of_gym = spec.get("gym")
-    told = spec | {"actions": len(spec.get("action_names") or ())}
-    told |= of_gym if isinstance(of_gym, dict) else {}
-    options = {name: told[name] for name in _TASK_OPTIONS if name in told}
-    return options | {"task": spec.get("name"), "task_spec": spec}
 
 
 def _of_algorithm(section: dict[str, Any]) -> dict[str, Any]:
@@ -154,9 +145,6 @@ def _of_algorithm(section: dict[str, Any]) -> dict[str, Any]:
         values["algorithm_options"] = json.dumps(own, sort_keys=True) if own else ""
     spec = {name: v for name, v in section.items() if name in AlgorithmSpec.model_fields}
     return values | {"algorithm": spec.get("name"), "algorithm_spec": spec}
-
-
-_TASK_OPTIONS = tuple(TaskOptions.model_fields)
 
 
 def _document(data: bytes, source: str) -> dict[str, Any]:

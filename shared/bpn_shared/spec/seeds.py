@@ -27,9 +27,15 @@ def action_uniforms(episode_seed: int, steps: int) -> npt.NDArray[np.float64]:
 
     Philox counts: step t has the first number of block t of the episode's key, whichever steps are asked for.
     """
+    return choice_uniforms(episode_seed, steps, 1)[:, 0]
+
+
+def choice_uniforms(episode_seed: int, steps: int, dims: int) -> npt.NDArray[np.float64]:
+    """The same for actions of several dimensions, float64[T, D]; up to four need no other block than one's."""
+    blocks = -(-dims // _BLOCK)
     # as an array: a list with a number of 2**63 and above would become float64 and lose its last bits
     philox = np.random.Philox(key=np.array([episode_seed, _ACTION], np.uint64))
-    return np.random.Generator(philox).random((steps, _BLOCK))[:, 0]
+    return np.random.Generator(philox).random((steps, blocks * _BLOCK))[:, :dims]
 
 
 def disturbance_uniforms(episode_seed: int, kinds: int) -> npt.NDArray[np.float64]:

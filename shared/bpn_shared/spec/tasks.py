@@ -199,6 +199,9 @@ class TaskFamily:
         make: the specification of the task of a whole name, with options.
         preset: of the task of a whole name, before it can be made; of the bare "FAMILY:", what others have.
         known: whole names of tasks with a preset of their own.
+        noun: what one of them is called in a form.
+        about: what there is to know for who types which of them.
+        pattern: of what stands behind the colon, a regular expression in any program's words.
     """
 
     which: str
@@ -206,3 +209,6 @@ class TaskFamily:
     make: Callable[[str, TaskOptions], TaskSpec]
     preset: Callable[[str], Mapping[str, Any]]
     known: tuple[str, ...] = ()
+    noun: str = "Which"
+    about: str = ""
+    pattern: str = "[!-~]+"

@@ -55,7 +55,7 @@ def test_callback_and_kernel_train_by_command_line_to_the_same_weights(
     for name in ("own_callback", "own_kernel"):
         installed(site, name)
     runs: dict[str, RunFolder] = {}
-    for which, options in (("torch", []), ("own", ["--kernel", "blas", "--callbacks", "gap"])):
+    for which, options in (("plain", []), ("own", ["--kernel", "blas", "--callbacks", "gap"])):
         if options:
             monkeypatch.setenv("PYTHONPATH", str(site))
         subprocess.run(

@@ -33,7 +33,9 @@ def test_a_new_run_is_a_folder_a_row_and_an_audit_entry(
     assert folder.config() == CONFIG
     assert folder.state().state == row.state == "queued"
     assert row.desired_state == "running"
-    assert store.get(row.id).config == CONFIG.model_dump(mode="json", exclude={"task_spec"})
+    assert store.get(row.id).config == CONFIG.model_dump(
+        mode="json", exclude={"task_spec", "algorithm_spec"}
+    )
     with database.reading() as session:
         (entry,) = session.query(AuditRow)
     assert (entry.actor, entry.action, entry.subject) == ("alice", "create", row.id)

@@ -61,10 +61,13 @@ def test_every_task_has_a_preset_and_observations_of_its_network(task: TaskSpec)
             {"task": "flying"},
             "task = 'flying': unknown; one of: gym:[MODULE:]ENVIRONMENT-ID, pan_tilt, reaching, tracking",
         ),
-        ({"algorithm": "sarsa"}, "algorithm = 'sarsa': Input should be 'bpn', 'bqn'"),
+        (
+            {"algorithm": "sarsa"},
+            "algorithm = 'sarsa': algorithm 'sarsa' is not installed here; there are: bpn, bqn",
+        ),
         (
             {"algorithm": "dpp", "alpha": 0.9},
-            "alpha = 0.9: dpp is CVI with alpha = 1; leave alpha out",
+            "alpha = 0.9: algorithm 'dpp' has alpha = 1; leave alpha out",
         ),
         (
             {"algorithm": "cvi", "kernel": "native"},
@@ -90,7 +93,7 @@ def test_every_task_has_a_preset_and_observations_of_its_network(task: TaskSpec)
         ({"task": "gym:"}, "task = 'gym:': must be gym:[MODULE:]ENVIRONMENT-ID"),
         ({"task": "gym"}, "task = 'gym': unknown; gym:[MODULE:]ENVIRONMENT-ID is what gym has"),
         ({"task": "reaching:far"}, "task = 'reaching:far': unknown; reaching is what reaching has"),
-        ({"task_spec": {}}, "task_spec: follows from the task; one of: task, algorithm"),
+        ({"task_spec": {}}, "task_spec: follows from the name; one of: task, algorithm"),
         ({"task": "gym:a b", "actions": 2}, "gym:[MODULE:]ENVIRONMENT-ID"),
         ({"task": "gym:a-b:C-v0", "actions": 2}, "gym:[MODULE:]ENVIRONMENT-ID"),
         ({"task": "gym:a..b:C-v0", "actions": 2}, "gym:[MODULE:]ENVIRONMENT-ID"),
@@ -176,6 +179,7 @@ def test_the_rate_falls_linearly_over_the_run(iterations: int, last: float) -> N
         assert shares[-1] == pytest.approx(last)
 
 
+BY_VALUE = {"task_spec", "algorithm_spec"}
 DEFAULTS: dict[str, Any] = {
     "env_kwargs": "", "env_wrappers": "", "frames_from": "auto", "observation_key": "", "crop": "",
     "max_over_frames": 1, "difference": False, "action_bins": 0,
@@ -188,7 +192,7 @@ DEFAULTS: dict[str, Any] = {
     "scale_initial": 0.2, "reward_scale": 0.1, "backend": "native", "learners": 1, "device": "cpu",
     "tensorboard": False, "init_from": "",
     "evaluate_every": 0, "evaluate_episodes": 10, "stop_when": "", "callbacks": "",
-    "robots": 1, "pacing": "lockstep", "action_delay_ms": 0.0, "kernel": "native",
+    "robots": 1, "pacing": "lockstep", "action_delay_ms": 0.0, "kernel": "", "algorithm_options": "",
 }  # fmt: skip
 _FRAMED = {
     "frame_channels": 3,
@@ -217,11 +221,11 @@ def test_every_default_and_preset_is_what_published_runs_were_made_with(task: st
     """A value that changes makes other weights of the same command."""
     given = {"actions": 5} if task == "gym:Other-v0" else {}
     expected = DEFAULTS | {"task": task} | PRESET_VALUES[task]
-    assert RunConfig.for_task(task, **given).model_dump(exclude={"task_spec"}) == expected
+    assert RunConfig.for_task(task, **given).model_dump(exclude=BY_VALUE) == expected
 
 
 def test_without_its_preset_a_task_has_the_fields_defaults() -> None:
-    assert RunConfig.bare("reaching").model_dump(exclude={"task_spec"}) == DEFAULTS
+    assert RunConfig.bare("reaching").model_dump(exclude=BY_VALUE) == DEFAULTS
 
 
 @given(st.integers(1, 60), st.integers(0, 59), st.floats(0, 1), st.floats(0, 1))

@@ -46,6 +46,7 @@ def render(build: Build) -> str:
             "FC1_WEIGHTS": FC1_WORD,
         },
         "Widths, of counters and sums": {
+            "PAIRS": max(1, build.pixel_bytes // 2),
             "BEAT_W": beat_w,
             "BLOCK_W": 5,
             "ROW_W": 7,

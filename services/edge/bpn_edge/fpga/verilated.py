@@ -7,6 +7,7 @@ import shutil
 import subprocess
 import tempfile
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 from pathlib import Path
 
 from bpn_edge.fpga import sources
@@ -27,24 +28,50 @@ _COMPILE = (
 )
 
 
-def model_library(build: Build, *, rtl: Path | None = None) -> Path:
+@dataclass(frozen=True)
+class Harness:
+    """What a model is of, and what drives it.
+
+    Attributes:
+        top: module.
+        driver: C++ source beside which it is compiled.
+        shell: modules beside the core's, as a pattern.
+        options: of Verilator.
+    """
+
+    top: str
+    driver: str
+    shell: str = ""
+    options: tuple[str, ...] = ()
+
+
+CORE = Harness("bpn_core", "sim/bpn_model.cpp")
+SERIAL = Harness("bpn_serial", "sim/bpn_serial_model.cpp", "serial/bpn_*.sv", ("-GCLOCKS=8",))
+
+
+def model_library(build: Build, harness: Harness = CORE, *, rtl: Path | None = None) -> Path:
     """The shared library of a build's model; made if there is none of these sources yet, in half a minute.
 
     Args:
         build: of the core.
+        harness: what is simulated.
         rtl: a folder with other sources, for tests that change them.
 
     Raises:
         ConfigError: Verilator or a C++ compiler is missing, or fails.
     """
     rtl = rtl or sources.folder()
-    files = [*sorted(rtl.glob("bpn_*.sv")), rtl / "sim/bpn_model.cpp"]
-    digest = hashlib.sha256(render(build).encode())
+    files = [
+        *sorted(rtl.glob("bpn_*.sv")),
+        *sorted(rtl.glob(harness.shell) if harness.shell else ()),
+        rtl / harness.driver,
+    ]
+    digest = hashlib.sha256(f"{harness}{_COMPILE}{render(build)}".encode())
     for file in files:
         digest.update(file.read_bytes())
     library = _cache() / f"{digest.hexdigest()[:24]}.so"
     if not library.exists():
-        _make(build, files, library)
+        _make(build, harness, files, library)
     return library
 
 
@@ -74,7 +101,7 @@ def _cache() -> Path:
     return where
 
 
-def _make(build: Build, files: list[Path], library: Path) -> None:
+def _make(build: Build, harness: Harness, files: list[Path], library: Path) -> None:
     compiler = shutil.which("g++") or shutil.which("clang++")
     if compiler is None:
         raise ConfigError(
@@ -92,11 +119,19 @@ def _make(build: Build, files: list[Path], library: Path) -> None:
             "--x-assign",
             "fast",
             "--top-module",
-            sources.TOP,
+            harness.top,
             "--prefix",
-            "Vbpn_core",
+            f"V{harness.top}",
         ]
-        verilate += ["--Mdir", made, "--output-split", "6000", str(package), *modules]
+        verilate += [
+            *harness.options,
+            "--Mdir",
+            made,
+            "--output-split",
+            "6000",
+            str(package),
+            *modules,
+        ]
         _run(verilate, environment)
         include = _include(program, environment)
         flags = [
