@@ -9,6 +9,7 @@ import pytest
 from geometries import geometries, shapes
 from hypothesis import given
 from hypothesis import strategies as st
+from older_blobs import dense
 
 from bpn_shared.bnn.blob import WeightBlob, encoded_size
 from bpn_shared.bnn.envelope import BlobError
@@ -88,18 +89,6 @@ def test_paper_sized_policy_is_twelve_kilobytes() -> None:
     )  # and 48 bytes of padding, twice
     thresholds = 64 + 64 + 64 + 448
     assert encoded_size(spec) == header + signs + thresholds + digest
-
-
-def dense(blob: WeightBlob) -> bytes:
-    """Schema 1, which is written no more."""
-    spec = blob.spec
-    header = struct.pack(
-        "<4sHHHH16sIIf", b"BPNW", 1, spec.channels, spec.hidden_units, spec.actions,
-        blob.run.bytes, blob.attempt, blob.version, blob.scale,
-    )  # fmt: skip
-    bits = b"".join(np.packbits(w > 0, bitorder="little").tobytes() for w in blob.weights)
-    taus = b"".join(tau.astype("<i4").tobytes() for tau in blob.thresholds)
-    return header + bits + taus + hashlib.sha256(header + bits + taus).digest()
 
 
 @given(geometries((1, 3, 6), 256, 64), st.integers(0, 2**32), st.uuids())
