@@ -1,24 +1,34 @@
 import contextlib
 import json
-import socket
+import os
 import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator, Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
 from hypothesis import settings
+from ports import free_tcp_port
+from process_state import kept
 
 from bpn_shared.bus.session import Bus
 
-DEADLINE_S = 20.0
+DEADLINE_S = float(os.environ.get("BPN_TEST_DEADLINE_S", "60"))
+"""Only what is broken waits so long; `make mutants`, which breaks things, waits less."""
 
 # A busy machine is no failure; examples that hang end with pytest's own time limit.
 settings.register_profile("bpn", deadline=None)
 settings.load_profile("bpn")
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_protocol() -> Generator[None, object, object]:
+    """What a test does to its process, as commands do to theirs, the next test does not see."""
+    with kept():
+        return (yield)
 
 
 def wait_for(condition: Callable[[], object], what: str, timeout_s: float = DEADLINE_S) -> None:
@@ -34,13 +44,6 @@ def wait_for(condition: Callable[[], object], what: str, timeout_s: float = DEAD
 @pytest.fixture(name="wait_for", scope="session")
 def _wait_for() -> Callable[..., None]:
     return wait_for
-
-
-def free_tcp_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        port: int = probe.getsockname()[1]
-        return port
 
 
 @pytest.fixture(name="free_tcp_port", scope="session")
@@ -92,7 +95,7 @@ def open_bus(endpoint: str) -> Iterator[Callable[[], Bus]]:
     opened: list[Bus] = []
 
     def open_one() -> Bus:
-        opened.append(Bus(endpoint, deadline_s=5.0))
+        opened.append(Bus(endpoint, deadline_s=DEADLINE_S))
         return opened[-1]
 
     yield open_one

@@ -33,9 +33,11 @@ class DashboardAwayError(CommandError):
 
 
 class Dashboard:
-    """REST calls to a dashboard that runs.
+    """REST calls to a dashboard that runs; docs/dashboard-api.md says what each takes and gives.
 
     Args:
+        url: such as http://127.0.0.1:8000.
+        token: one that `bpn dashboard` made.
         certificate: file with the one that it shows; None: it speaks plain HTTP.
 
     Attributes:
@@ -43,7 +45,9 @@ class Dashboard:
         endpoint: of the router that it and its workers use.
     """
 
-    def __init__(self, url: str, token: str, endpoint: str, certificate: str | None) -> None:
+    def __init__(
+        self, url: str, token: str = "", endpoint: str = "", certificate: str | None = None
+    ) -> None:
         self.url, self.endpoint = url, endpoint
         self._http = httpx.Client(
             base_url=url,

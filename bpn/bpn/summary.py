@@ -1,6 +1,5 @@
 """What a run came to, from its folder alone: the object that `bpn train --json` prints."""
 
-import logging
 from dataclasses import dataclass, field
 from statistics import median
 from typing import Any
@@ -8,24 +7,22 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from bpn_shared.messages.base import MessageError
-from bpn_shared.messages.episode import Episode
+from bpn.stored import stored_episodes
 from bpn_shared.runs.folder import RunFolder
-
-log = logging.getLogger(__name__)
 
 
 def summarize(folder: RunFolder) -> dict[str, Any]:
     """The run's results.
 
     Returns:
-        run_id, state, iterations, episodes, transitions, episodes_lost, episodes_duplicated,
+        run_id, state, reason (why it finished before its last iteration, or failed; "" otherwise), iterations,
+        episodes, transitions, episodes_lost, episodes_duplicated,
         weights_version, weights_sha256 (of the policy alone: equal policies, equal digests), returns and
         lengths (means per iteration; pixels, or of a gym: task its own unit; steps), seconds (in all iterations),
         edge.inference_us and loop.camera_to_action_us ({p50, p99} over all steps), loop.steps_per_s and
         learner.updates_per_s (medians over iterations; the first includes the start of the processes).
     """
-    config, records = folder.config(), folder.metrics()
+    config, records, state = folder.config(), folder.metrics(), folder.state()
     kept = _stored(folder)
     learned_from = sum(record["episodes"] for record in records)
     stored = sum(
@@ -36,7 +33,8 @@ def summarize(folder: RunFolder) -> dict[str, Any]:
     weights = folder.newest_weights() if records else None
     return {
         "run_id": str(folder.run),
-        "state": folder.state().state,
+        "state": state.state,
+        "reason": state.error or "",
         "task": config.task,
         "algorithm": config.algorithm,
         "seed": config.seed,
@@ -81,13 +79,8 @@ class _Stored:
 
 
 def _stored(folder: RunFolder) -> _Stored:
-    task, stored = folder.config().task_spec, _Stored()
-    for name in folder.file_names("episodes", suffix=".bpne"):
-        try:
-            episode = Episode.decode(folder.read_file(f"episodes/{name}"), task)
-        except MessageError as error:
-            log.warning("%s is damaged and left out: %s", folder.path / "episodes" / name, error)
-            continue
+    stored = _Stored()
+    for episode in stored_episodes(folder):
         stored.which.add((episode.meta.iteration, episode.meta.episode))
         stored.inference_us.append(episode.inference_ns / 1e3)
         in_time = episode.camera_to_action_ns > 0

@@ -13,7 +13,7 @@ from bpn_shared.bus.telemetry import TelemetryPublisher, TelemetryWatch
 from bpn_shared.bus.watch import Watch
 from bpn_shared.counters import Counters
 from bpn_shared.messages.telemetry import Telemetry
-from bpn_shared.runtime.telemetry import Latencies, Reporter, WeightsMarks
+from bpn_shared.runtime.telemetry import Latencies, Reporter, WeightsTimeline
 from bpn_shared.waiting import Waiting
 
 OpenBus = Callable[[], Bus]
@@ -112,19 +112,25 @@ def test_telemetry_of_every_service_reaches_the_watcher(
     counters = Counters()
     watching = open_bus()
     watch = TelemetryWatch(watching, heard.append, counters)
-    publishers = []
+    publishers, told = [], Counters()
     for name in ("edge-1", "edge-2"):
         bus = open_bus()
         reporter = Reporter(
             "edge", name, lambda: (None, None), bus.traffic, waiting=Waiting(),
-            counters=Counters(), latencies=Latencies(), weights=WeightsMarks(),
+            counters=told, latencies=Latencies(), weights=WeightsTimeline(),
         )  # fmt: skip
         publishers.append(TelemetryPublisher(bus, "edge", name, reporter.report, Counters()))
     wait_for(lambda: {h.worker for h in heard} == {"edge-1", "edge-2"}, "both services' reports")
     watching.zenoh.put(keys.telemetry("edge", "edge-3"), b"garbage")
     wait_for(lambda: counters.snapshot() == {"telemetry_refused": 1}, "garbage to be refused")
+    told.add("at_the_end")
     for publisher in publishers:
         publisher.close()
+    # what happened since the last second is not lost with who tells it
+    wait_for(
+        lambda: {h.worker for h in heard if "at_the_end" in h.counters} == {"edge-1", "edge-2"},
+        "both services' last reports",
+    )
     watch.close()
 
 

@@ -10,6 +10,7 @@ from fastapi.testclient import TestClient
 from bpn.cli import parse
 from bpn.commands import train
 from bpn.dashboard import Dashboard
+from bpn.training import say_place
 from bpn_dashboard.api.app import create_app
 from bpn_dashboard.api.context import Context
 from bpn_dashboard.database.engine import Database, sqlite_url
@@ -17,11 +18,13 @@ from bpn_dashboard.registry.store import RunStore
 from bpn_dashboard.registry.workplace import ConnectedWorkers
 from bpn_dashboard.series.ingest import Ingest
 from bpn_robot_sim.probe import answer
+from bpn_shared import plugins
 from bpn_shared.bus import keys
 from bpn_shared.bus.requests import Responder
 from bpn_shared.bus.session import Bus
 from bpn_shared.counters import Counters
 from bpn_shared.errors import InputError
+from bpn_shared.messages.lease import LeaseRequest, Role
 from bpn_shared.runs.folder import RunFolder
 
 Values = dict[str, Any]
@@ -31,9 +34,9 @@ TASKS: dict[str, Values] = {
     "reaching": {"seed": 3, "alpha": 0.5},
     "tracking": {"algorithm": "bqn"},
     "pan_tilt": {"iterations": 7},
-    "gym:CartPole-v1": {"nodes": 64},
+    "gym:CartPole-v1": {"hidden_units": 64},
     "gym:MountainCar-v0": {
-        "frames_stacked": 3, "mask_terminals": False, "crop": "0,50,600,300", "difference": True,
+        "frames_stacked": 3, "bootstrap_terminals": True, "crop": "0,50,600,300", "difference": True,
         "frame_skip": 4, "max_over_frames": 2, "env_kwargs": '{"goal_velocity": 0.01}',
         "env_wrappers": "RecordEpisodeStatistics",
     },
@@ -62,9 +65,25 @@ WRONG: list[tuple[str, Values, str]] = [
     ("gym:CartPole-v1", {"action_bins": 3}, "which are discrete already: leave action_bins out"),
     ("reaching", {"crop": "0,0,9,9"}, "task 'reaching' is no Gymnasium environment; leave it out"),
     ("gym:NoSuch-v0", {}, "gym:NoSuch-v0 cannot be made"),
+    ("reaching", {"callbacks": "best,nobody"}, "callback 'nobody' is not installed"),
+    ("reaching", {"kernel": "abacus"}, "kernel 'abacus' is not installed"),
     ("gym:CartPole-v1", {"pacing": "realtime"}, "has no clock of its own; choose lockstep"),
     ("gym:nobody/Has-v0", {"pacing": "realtime"}, "has no clock of its own; choose lockstep"),
 ]
+
+
+PLUGINS = [
+    plugins.CALLBACKS, plugins.REWARDS, plugins.TARGETS, plugins.KERNELS, plugins.SELECTIONS, plugins.ROBOTS,
+]  # fmt: skip
+
+
+def telling(role: Role, **without: str) -> LeaseRequest:
+    """What a worker tells when it asks for work, where all is installed but what is named by its group's noun."""
+    have = {
+        group.name: tuple(n for n in plugins.names(group) if n != without.get(group.noun))
+        for group in PLUGINS
+    }
+    return LeaseRequest(role=role, worker=role.replace("_", "-"), plugins=have)
 
 
 class Served:
@@ -72,11 +91,12 @@ class Served:
 
     def __init__(self, folder: Path, bus: Bus) -> None:
         self.runs_dir = folder / "runs"
+        self.told = [telling("learner"), telling("learner"), telling("edge"), telling("robot_sim")]
         self.database = Database(sqlite_url(folder / "dashboard.sqlite"))
         store, counters = RunStore(self.database, self.runs_dir), Counters()
         context = Context(
             self.database, store, Ingest(self.runs_dir, self.database, counters), counters,
-            place=ConnectedWorkers(lambda: bus),
+            place=ConnectedWorkers(lambda: bus, lambda: self.told),
         )  # fmt: skip
         app = create_app(context, hosts=["localhost"])
         token = context.tokens.issue("token", "test", "operator")[1]
@@ -217,10 +237,42 @@ def test_without_a_robot_worker_unknown_actions_are_one_clear_sentence(served: S
         assert door("gym:CartPole-v1", {}).config().actions == 2  # its preset knows
 
 
+@pytest.mark.usefixtures("robot_worker")
+@pytest.mark.parametrize(
+    ("role", "noun", "name", "who"),
+    [
+        ("learner", "callback", "best", "connected learners"),
+        ("learner", "rewards", "reaching", "connected learners"),
+        ("learner", "targets", "cvi", "connected learners"),
+        ("edge", "kernel", "native", "connected edges"),
+        ("edge", "action selection", "softmax", "connected edges"),
+        ("robot_sim", "robot", "reaching", "connected robots"),
+    ],
+)
+def test_what_no_worker_has_that_would_need_it_is_said_and_nothing_is_made(
+    role: Role, noun: str, name: str, who: str, served: Served
+) -> None:
+    by_dashboard = {name: door for name, door in doors(served).items() if name != "command_line"}
+    values = {"callbacks": "best", "kernel": "native"}
+    others = [told for told in served.told if told.role != role]
+    served.told = [*others, telling(role, **{noun: name}), telling(role, **{noun: name})]
+    for door_name, door in by_dashboard.items():
+        with pytest.raises(InputError) as refused:
+            door("reaching", values)
+        expected = f"{noun} {name!r} is not installed at any of the 2 {who}; there are: "
+        assert expected in str(refused.value), door_name
+        assert "start them again" in str(refused.value), door_name
+    assert not list(served.runs_dir.glob("*/config.json"))
+    silent = LeaseRequest(role=role, worker="silent")
+    for told in ([telling(role, **{noun: name}), telling(role)], [silent]):
+        served.told = [*others, *told]
+        assert by_dashboard["rest"]("reaching", values).config().callbacks == "best"
+
+
 def test_runs_that_go_first_are_told(served: Served) -> None:
     said: list[str] = []
     for expected in ([], ["1 run before it"], ["2 runs before it"]):
         served.post("/runs", {"config": {"task": "reaching"}})
-        train.say_place(served.dashboard, said.append)
+        say_place(served.dashboard, said.append)
         assert [line.split(";")[0] for line in said] == expected
         said.clear()

@@ -1,7 +1,9 @@
-"""What an edge says while it has nothing to play."""
+"""What an edge says while it has nothing to play, and how long it waits for its robot."""
 
 from collections.abc import Callable
 
+import bars
+import pytest
 from learner_side import LearnerSide
 from loop_parts import Running
 
@@ -9,8 +11,9 @@ from bpn_edge import service as edge
 from bpn_shared.bus.session import Bus
 from bpn_shared.messages.control import Assignment
 from bpn_shared.spec.config import RunConfig
+from bpn_shared.spec.sections import Pacing
 
-CONFIG = RunConfig.for_task("reaching", nodes=16, steps=3)
+CONFIG = RunConfig.for_task("reaching", hidden_units=16, steps=3)
 
 
 def test_it_waits_for_what_the_learner_says_and_ends_when_that_is_done(
@@ -21,7 +24,22 @@ def test_it_waits_for_what_the_learner_says_and_ends_when_that_is_done(
     told = [Assignment(verdict="wait", reason="the policy update")]
     learner = LearnerSide(open_bus(), CONFIG)
     learner.assignment = lambda: told[-1]  # type: ignore[method-assign]
+    learner.publish(1, 7)
     service = running("edge", edge.serve, CONFIG)
     wait_for(lambda: service.worker.waiting.snapshot()[0] == "the policy update", "the reason")
+    wait_for(service.worker.weights.snapshot, "the weights")
+    (event, mark), *others = service.worker.weights.snapshot().items()
+    assert (event, mark.attempt, mark.version, others) == ("loaded", 1, 7, [])
     told.append(Assignment(verdict="finished", reason="all iterations are done"))
     wait_for(lambda: not service.alive, "its end")
+
+
+@pytest.mark.parametrize(
+    ("period_s", "pacing", "expected_s"),
+    [(0.145, "realtime", 1), (0.4, "realtime", 2), (60, "realtime", 300), (60, "lockstep", 1)],
+)
+def test_a_robot_may_be_silent_for_some_of_its_control_periods(
+    period_s: float, pacing: Pacing, expected_s: float
+) -> None:
+    task = bars.spec(control_period_s=period_s)
+    assert edge.longest_silence_s(task, pacing) == pytest.approx(expected_s)

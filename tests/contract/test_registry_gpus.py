@@ -14,7 +14,7 @@ def test_only_what_learners_have_told_refuses_a_run(
     registry: Registry, hire: Callable[[Role], Puppet], wait_for: WaitFor
 ) -> None:
     assert registry.running is not None
-    place = ConnectedWorkers(gpus=registry.running.desk.gpus)
+    place = ConnectedWorkers(told=registry.running.desk.told)
 
     said: list[str] = []
 

@@ -1,5 +1,6 @@
 """The registry and workers over a real router: who gets what, who is told to let go, what survives whom."""
 
+import shutil
 import threading
 import time
 from collections.abc import Callable
@@ -11,6 +12,7 @@ from registry_world import Puppet, Registry, WaitFor, state_of
 
 from bpn_dashboard.registry import desk
 from bpn_dashboard.registry import dispatcher as dispatching
+from bpn_dashboard.registry.view import RegistryView
 from bpn_shared.bus import keys
 from bpn_shared.bus.liveliness import Token
 from bpn_shared.bus.requests import RefusedError, Responder, request
@@ -74,6 +76,33 @@ def test_a_finished_run_is_given_to_nobody_even_before_the_registry_has_seen_it(
     assert edge.ask().verdict == "wait"
     wait_for(lambda: state_of(registry, row) == "finished", "the end to be seen")
     wait_for(lambda: learner.released, "its learner to be told")
+
+
+def test_of_runs_that_are_over_or_gone_the_registry_keeps_nothing(
+    registry: Registry,
+    hire: Callable[[Role], Puppet],
+    wait_for: WaitFor,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(dispatching, "ADOPT_S", 0.1)
+    monkeypatch.setattr(dispatching, "STALLS_S", 0.05)
+    dispatcher = registry.running
+    assert dispatcher is not None
+    finished = registry.store.create(CONFIG, actor="test")
+    learner = hire("learner")
+    learner.work(wait_for)
+    folder = registry.store.folder(finished.id)
+    folder.set_state("running", new_attempt=True)
+    gone = registry.store.create(CONFIG, actor="test")
+    wait_for(lambda: finished.id in dispatcher.view().advanced_unix_s, "its progress to be watched")
+    wait_for(lambda: gone.id in dispatcher.view().causes, "what the other one waits for")
+    folder.set_state("finished")
+    learner.give_back()
+    shutil.rmtree(registry.store.folder(gone.id).path)
+    wait_for(
+        lambda: dispatcher.view() == RegistryView(vacant=dispatcher.view().vacant),
+        "both to be forgotten",
+    )
 
 
 def test_a_registry_that_was_away_learns_all_leases_from_the_tokens(

@@ -9,6 +9,7 @@ import pytest
 from learner_side import RUN
 from loop_parts import Running
 
+from bpn_robot import service
 from bpn_robot_sim import worker as robot_sim
 from bpn_robot_sim.robots import make_robot
 from bpn_shared.bus import keys
@@ -21,8 +22,8 @@ from bpn_shared.runtime.ask import ask
 from bpn_shared.spec.config import RunConfig
 from bpn_shared.waiting import Waiting
 
-LOCKSTEP = RunConfig.for_task("reaching", nodes=16, steps=3)
-REALTIME = RunConfig.for_task("tracking", nodes=16, steps=4, pacing="realtime")
+LOCKSTEP = RunConfig.for_task("reaching", hidden_units=16, steps=3)
+REALTIME = RunConfig.for_task("tracking", hidden_units=16, steps=4, pacing="realtime")
 
 
 class EdgeSide:
@@ -56,7 +57,7 @@ class EdgeSide:
             return [f for f in self.frames if (f[0].step, f[0].reset_id) == (step, reset_id)]
 
         with self._news:
-            assert self._news.wait_for(lambda: len(found()) >= count, 20), f"no frame {step}"
+            assert self._news.wait_for(lambda: len(found()) >= count, 60), f"no frame {step}"
             return found()[-1]
 
     def act(self, action: int, step: int, reset_id: int) -> None:
@@ -157,6 +158,55 @@ def test_in_realtime_an_action_that_is_in_time_is_applied(
             break
     assert applied
     assert all(header.camera_to_action_ns > 0 for header in applied)
+
+
+def test_what_it_waits_for_is_told_while_it_waits(
+    edge: Callable[[RunConfig], EdgeSide],
+    running: Callable[..., Running],
+    wait_for: Callable[..., None],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    robot, side = running("robot_sim", robot_sim.serve, LOCKSTEP), edge(LOCKSTEP)
+
+    def waits_for() -> str | None:
+        return robot.worker.waiting.snapshot()[0]
+
+    wait_for(lambda: waits_for() == "an edge to begin an episode", "it to be idle")
+    side.reset(5)
+    wait_for(lambda: waits_for() == "an action from the edge", "it to miss an action")
+    with monkeypatch.context() as patient:
+        patient.setattr(service, "_RESEND_S", 60.0)
+        side.act(6, 0, 5)
+        side.frame(1, 5)
+        assert waits_for() is None
+    side.reset(6)  # which ends the long wait
+
+
+def test_what_an_edge_says_ends_every_wait(
+    edge: Callable[[RunConfig], EdgeSide],
+    running: Callable[..., Running],
+    wait_for: Callable[..., None],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    with monkeypatch.context() as patient:
+        patient.setattr(service, "_RESEND_S", 60.0)
+        robot, side = running("robot_sim", robot_sim.serve, LOCKSTEP), edge(LOCKSTEP)
+        wait_for(lambda: robot.worker.waiting.snapshot()[0], "it to be idle")
+        side.reset(5)
+        side.frame(0, 5)
+        side.reset(5)
+        side.frame(0, 5, count=2)
+        for step in range(LOCKSTEP.steps):
+            side.act(6, step, 5)
+            side.frame(step + 1, 5)
+        side.reset(5)
+        side.frame(LOCKSTEP.steps, 5, count=2)
+        side.reset(6)
+        side.frame(0, 6)
+        side.reset(7)
+        side.frame(0, 7)
+        assert "frames_sent_again" not in robot.counters
+    side.reset(8)
 
 
 def test_the_last_frame_is_sent_until_another_episode_begins(

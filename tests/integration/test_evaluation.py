@@ -13,7 +13,7 @@ import numpy as np
 import psutil
 import pytest
 
-from bpn.evaluation.trials import Trials, play
+from bpn.evaluation.trials import TrialPlan, play
 from bpn_shared.bnn import golden
 from bpn_shared.bnn.blob import WeightBlob
 from bpn_shared.messages.episode import Episode
@@ -28,14 +28,14 @@ DELAY_MS = 2.76 * PERIOD_MS
 @pytest.fixture(scope="module")
 def tracking_run(train: Callable[..., dict[str, Any]]) -> RunFolder:
     run = train(
-        "tracking", "--iterations", "1", "--episodes", "2", "--epochs", "1", "--nodes", "16",
-        "--steps", str(STEPS), "--batch", "8",
+        "tracking", "--iterations", "1", "--episodes", "2", "--epochs", "1", "--hidden-units", "16",
+        "--steps", str(STEPS), "--batch-size", "8",
     )  # fmt: skip
     return RunFolder.open(Path(run["runs_dir"]), run["run_id"])
 
 
 def played(folder: RunFolder, count: int, policy: Any, **changes: Any) -> list[Episode]:
-    trials = Trials(count, policy, seed=3, changes=changes)
+    trials = TrialPlan(count, policy, seed=3, changes=changes)
     return play(folder, folder.newest_weights(), trials, threading.Event())
 
 
@@ -85,7 +85,7 @@ def test_several_robots_and_a_killed_edge_play_the_same_trials(
         return [child for child in children if "bpn_edge" in " ".join(child.cmdline())]
 
     player.start()
-    wait_for(lambda: len(edges()) == 2, "two edges", 60)
+    wait_for(lambda: len(edges()) == 2, "two edges", 150)
     edges()[0].kill()
     player.join(120)
     assert equal(two, undisturbed)
@@ -143,9 +143,9 @@ def test_the_command_reports_films_and_draws(
             ["--video", "/nonexist/x.mp4"],
             "--video /nonexist/x.mp4: there is no folder /nonexist; make it",
         ),
-        (["--trials", "0"], "--trials = 0 must be at least 1"),
+        (["--trials", "0"], "trials = 0 must be at least 1"),
         (["--action-delay-ms", "4"], "action_delay_ms = 4.0 means nothing in lockstep"),
-        (["--version", "7"], "--version 7: not in"),
+        (["--version", "7"], "version = 7: not in"),
     ],
 )
 def test_wrong_input_is_refused_before_anything_is_played(

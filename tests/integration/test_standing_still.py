@@ -10,14 +10,14 @@ import psutil
 import pytest
 from pool import frozen
 
-from bpn.evaluation.trials import Trials, play
+from bpn.evaluation.trials import TrialPlan, play
 from bpn.reproduce.campaign import Campaign
 from bpn_shared.runs.folder import RunFolder
 from bpn_shared.runtime import watchdog
 from bpn_shared.spec.config import RunConfig
 
 DEADLINE_S = 120.0
-SMALL = {"iterations": 1, "epochs": 1, "nodes": 16, "steps": 12, "batch": 8}
+SMALL = {"iterations": 1, "epochs": 1, "hidden_units": 16, "steps": 12, "batch_size": 8}
 WaitFor = Callable[..., None]
 
 
@@ -40,7 +40,7 @@ def test_trials(train: Callable[..., dict[str, Any]], wait_for: WaitFor) -> None
     options = [part for key, value in SMALL.items() for part in (f"--{key}", str(value))]
     run = train("tracking", *options, "--episodes", "2")
     folder = RunFolder.open(Path(run["runs_dir"]), run["run_id"])
-    trials = Trials(4, "greedy", seed=3, changes={"pacing": "realtime"})
+    trials = TrialPlan(4, "greedy", seed=3, changes={"pacing": "realtime"})
     said, moved = [], []
     with ThreadPoolExecutor(1) as pool:
         playing = pool.submit(

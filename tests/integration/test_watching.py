@@ -20,6 +20,7 @@ from bpn_shared.bus.watch import Watch
 from bpn_shared.counters import Counters
 from bpn_shared.messages.decision import Decision
 from bpn_shared.messages.preview import PreviewHeader, check_pixels
+from bpn_shared.messages.telemetry import Telemetry
 from bpn_shared.spec.config import RunConfig
 
 
@@ -35,30 +36,24 @@ def watched(
     seen: dict[str, Any] = {"previews": [], "decisions": [], "snapshots": [], "counters": counters}
     services = services_of_run(folder.run, folder.config(), folder.path.parent, endpoint)
     supervisor = Supervisor(services, folder.logs)
-    done = threading.Event()
 
-    def look() -> None:
-        while not done.wait(0.5):
-            seen["snapshots"].append(topology.snapshot())
+    def hear(report: Telemetry) -> None:
+        topology.hear(report)
+        seen["snapshots"].append(topology.snapshot())
 
     supervisor.start()
-    looking = threading.Thread(target=look)
     try:
         with Bus(endpoint) as bus:
             watches = [
                 Watch(bus, keys.preview(folder.run, 0), lambda *m: seen["previews"].append(m)),
                 Watch(bus, keys.decision(folder.run, 0), lambda *m: seen["decisions"].append(m)),
-                TelemetryWatch(bus, topology.hear, counters),
+                TelemetryWatch(bus, hear, counters),
                 TokenWatch(bus, keys.live("*", "*"), topology.token),
             ]
-            looking.start()
             supervisor.wait("learner", threading.Event())
-            done.set()
-            looking.join()
             for watch in watches:
                 watch.close()
     finally:
-        done.set()
         supervisor.stop()
     assert not supervisor.failure
     return summarize(folder), seen

@@ -4,26 +4,31 @@ Tools that exist were looked at first: mutmut has one test suite for all code, i
 tests meant for each module and services in processes of their own; cosmic-ray edits the tree that one works in.
 Neither takes faults that somebody wrote down.
 
-What was tried is kept in build/mutants.jsonl, so that a run that was interrupted goes on.
+Several modules and faults are tried beside each other, each in a copy of the code of its own. What was
+tried is kept in build/mutants.jsonl, so that a run that was interrupted goes on.
 """
 
 import argparse
 import hashlib
 import json
 import os
+import threading
 from collections.abc import Iterable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from tests.mutants import results
 from tests.mutants.aimed import Fault, faults, noticed_by
+from tests.mutants.copies import copies
 from tests.mutants.modules import Module, modules
-from tests.mutants.sampled import equivalent, outcomes, sample
-from tests.mutants.tree import ROOT, Tree, tree
+from tests.mutants.sampled import SuiteFailsError, equivalent, outcomes, sample
+from tests.mutants.tree import ROOT, Tree
 
 KEPT = ROOT / "build" / "mutants.jsonl"
 KINDS = ("sampled", "aimed")
 Record = dict[str, Any]
+_writing = threading.Lock()
 
 
 def main() -> int:
@@ -40,10 +45,20 @@ def main() -> int:
         "--only", default="", metavar="PART", help="of a module's or a fault's name"
     )
     parser.add_argument("--kind", choices=KINDS, help="only these")
+    parser.add_argument(
+        "--jobs",
+        type=int,
+        default=2,
+        metavar="N",
+        help="modules and faults tried beside each other",
+    )
     parser.add_argument("--tried", action="store_true", help="try nothing: report what was tried")
     parser.add_argument("--anew", action="store_true", help="forget what was tried before")
     parser.add_argument(
-        "--results", type=Path, metavar="FILE", help="write what was found, as JSON"
+        "--results",
+        type=Path,
+        metavar="FILE",
+        help="write what was found, as JSON, to what is there",
     )
     options = parser.parse_args()
     os.nice(10)
@@ -53,15 +68,14 @@ def main() -> int:
     known = _known()
     aimed: list[Record] = []
     sampled: list[Record] = []
-    with tree() as copy:
+    with copies(options.jobs) as of_code:
         if options.kind != "aimed":
-            for module in modules().values():
-                if options.only in module.name:
-                    sampled += _sampled(copy, module, options, known)
+            chosen = [module for module in modules().values() if options.only in module.name]
+            for records in of_code.try_each(partial(_sampled, options, known), chosen):
+                sampled += records
         if options.kind != "sampled":
-            for fault in faults():
-                if options.only in fault.name + fault.file:
-                    aimed.append(_aimed(copy, fault, options, known))
+            wanted = [fault for fault in faults() if options.only in fault.name + fault.file]
+            aimed += of_code.try_each(partial(_aimed, options, known), wanted)
     found = results.document(aimed, sampled, sample=options.sample, seed=options.seed)
     if options.results:
         results.keep(found, options.results)
@@ -74,9 +88,9 @@ def _known() -> dict[str, Record]:
 
 
 def _keep(record: Record) -> Record:
-    with KEPT.open("a") as file:
+    with _writing, KEPT.open("a") as file:
         file.write(json.dumps(record) + "\n")
-    print(f"{record['verdict']:<9} {record['what']}  {record['by']}"[:240], flush=True)
+        print(f"{record['verdict']:<9} {record['what']}  {record['by']}"[:240], flush=True)
     return record
 
 
@@ -89,7 +103,7 @@ def _key(copy: Tree, file: str, what: str, tests: Iterable[str]) -> str:
 
 
 def _aimed(
-    copy: Tree, fault: Fault, options: argparse.Namespace, known: dict[str, Record]
+    options: argparse.Namespace, known: dict[str, Record], copy: Tree, fault: Fault
 ) -> Record:
     key = _key(copy, fault.file, repr(fault), fault.tests)
     if key in known:
@@ -102,7 +116,7 @@ def _aimed(
 
 
 def _sampled(
-    copy: Tree, module: Module, options: argparse.Namespace, known: dict[str, Record]
+    options: argparse.Namespace, known: dict[str, Record], copy: Tree, module: Module
 ) -> list[Record]:
     excused, found = equivalent(), []
     chosen = {}
@@ -117,14 +131,21 @@ def _sampled(
         elif key in known:
             found.append(known[key])
         elif options.tried:
-            found.append({"what": what, "module": module.name, "verdict": "untried", "by": ""})
+            found.append(_untried(what, module))
         else:
             chosen[mutation] = key, what
-    for mutation, verdict, by in outcomes(copy, module, list(chosen)):
-        key, what = chosen[mutation]
-        record = {"key": key, "what": what, "module": module.name, "verdict": verdict, "by": by}
-        found.append(_keep(record))
-    return found
+    try:
+        for mutation, verdict, by in outcomes(copy, module, list(chosen)):
+            key, what = chosen.pop(mutation)
+            record = {"key": key, "what": what, "module": module.name, "verdict": verdict, "by": by}
+            found.append(_keep(record))
+    except SuiteFailsError as error:  # the other modules can be tried all the same
+        print(error, flush=True)
+    return found + [_untried(what, module) for _, what in chosen.values()]
+
+
+def _untried(what: str, module: Module) -> Record:
+    return {"what": what, "module": module.name, "verdict": "untried", "by": ""}
 
 
 if __name__ == "__main__":

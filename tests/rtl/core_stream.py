@@ -57,7 +57,9 @@ class CoreStream:
         actions = core.read(registers.RESULT_SIZES) >> 8 & 0x7F
         outputs = [core.read(registers.OUTPUTS + 4 * i) for i in range(actions)]
         assert core.read(registers.FRAMES) - 1 == frame
-        self.answers.append(Answer(frame, epoch, np.array(outputs, np.uint32).view(np.int32).tolist()))
+        self.answers.append(
+            Answer(frame, epoch, np.array(outputs, np.uint32).view(np.int32).tolist())
+        )
 
     def check(self) -> None:
         """Every frame was answered once, wholly by one policy, and policies follow each other."""

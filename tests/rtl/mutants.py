@@ -42,14 +42,25 @@ def mutants() -> list[Mutant]:
     for path in sources.core_files():
         for number, line in enumerate(path.read_text().splitlines(), 1):
             code = line.split("//")[0]
-            if not code.strip() or re.match(r"\s*(module|parameter|localparam|input|output|logic|import|genvar|for|\.)", code):
+            if not code.strip() or re.match(
+                r"\s*(module|parameter|localparam|input|output|logic|import|genvar|for|\.)", code
+            ):
                 continue
             for pattern, replacement in RULES:
                 for match in re.finditer(pattern, code):
                     new = (
-                        f"{match[1]}'d{int(match[2]) ^ 1}" if replacement is None else match.expand(replacement)
+                        f"{match[1]}'d{int(match[2]) ^ 1}"
+                        if replacement is None
+                        else match.expand(replacement)
                     )
-                    found.append(Mutant(path.name, number, line, code[: match.start()] + new + code[match.end() :]))
+                    found.append(
+                        Mutant(
+                            path.name,
+                            number,
+                            line,
+                            code[: match.start()] + new + code[match.end() :],
+                        )
+                    )
     return found
 
 
@@ -64,7 +75,9 @@ def noticed(mutant: Mutant) -> str:
         path.write_text("\n".join((*lines, "")))
         command = [sys.executable, "-m", "tests.rtl.short_suite", str(rtl)]
         try:
-            done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=900, check=False)
+            done = subprocess.run(
+                command, cwd=ROOT, capture_output=True, text=True, timeout=900, check=False
+            )
         except subprocess.TimeoutExpired:
             return "killed"
     return {0: "lives", 3: "none"}.get(done.returncode, "killed")
@@ -80,13 +93,21 @@ def main() -> None:
     sample = mutants()
     random.Random(options.seed).shuffle(sample)
     options.results.parent.mkdir(exist_ok=True, parents=True)
-    known = [json.loads(line) for line in options.results.read_text().splitlines()] if options.results.exists() else []
-    outcomes = {Mutant(**{k: v for k, v in row.items() if k != "outcome"}): row["outcome"] for row in known}
+    known = (
+        [json.loads(line) for line in options.results.read_text().splitlines()]
+        if options.results.exists()
+        else []
+    )
+    outcomes = {
+        Mutant(**{k: v for k, v in row.items() if k != "outcome"}): row["outcome"] for row in known
+    }
     with ThreadPoolExecutor(options.jobs) as pool, options.results.open("a") as results:
         for start in range(0, len(sample), options.jobs):
             if sum(outcome != "none" for outcome in outcomes.values()) >= options.sample:
                 break
-            batch = [mutant for mutant in sample[start : start + options.jobs] if mutant not in outcomes]
+            batch = [
+                mutant for mutant in sample[start : start + options.jobs] if mutant not in outcomes
+            ]
             for mutant, outcome in zip(batch, pool.map(noticed, batch), strict=True):
                 outcomes[mutant] = outcome
                 results.write(json.dumps({**asdict(mutant), "outcome": outcome}) + "\n")
@@ -94,7 +115,9 @@ def main() -> None:
     real = {mutant: outcome for mutant, outcome in outcomes.items() if outcome != "none"}
     for mutant, outcome in real.items():
         if outcome == "lives":
-            print(f"{mutant.file}:{mutant.line}: {mutant.before.strip()}  ->  {mutant.after.strip()}")
+            print(
+                f"{mutant.file}:{mutant.line}: {mutant.before.strip()}  ->  {mutant.after.strip()}"
+            )
     killed = sum(outcome == "killed" for outcome in real.values())
     print(f"{killed} of {len(real)} mutants noticed ({killed / max(1, len(real)):.1%})")
 

@@ -22,9 +22,16 @@ def main() -> int:
         except ConfigError:
             return 3
         here = Path(__file__).parent
-        tests = [str(here / name) for name in ("test_refusals.py", "test_swaps.py", "test_exact.py")]
+        tests = [
+            str(here / name) for name in ("test_refusals.py", "test_swaps.py", "test_exact.py")
+        ]
         chosen = "not other_builds and not trained"
-        return int(pytest.main(["-q", "-x", "-p", "no:cacheprovider", "--timeout=300", "-k", chosen, *tests]) != 0)
+        return int(
+            pytest.main(
+                ["-q", "-x", "-p", "no:cacheprovider", "--timeout=300", "-k", chosen, *tests]
+            )
+            != 0
+        )
 
 
 if __name__ == "__main__":

@@ -33,7 +33,9 @@ def test_sizes_at_the_engines_seams(device: Device, nodes: int) -> None:
     rng = np.random.default_rng(nodes)
     for channels, actions in ((1, 2), (6, 17), (3, 64)):
         spec = NetworkSpec(channels, nodes, actions)
-        assert_exact(DeviceBank("rtl", device), WeightBlob.random(spec, rng), make_image("random", spec, rng))
+        assert_exact(
+            DeviceBank("rtl", device), WeightBlob.random(spec, rng), make_image("random", spec, rng)
+        )
 
 
 def test_trained_weights(device: Device) -> None:
@@ -42,7 +44,9 @@ def test_trained_weights(device: Device) -> None:
         blob = WeightBlob.decode(path.read_bytes())
         for image in ("random", "zeros", "full", "black and white"):
             assert_exact(
-                DeviceBank("rtl", device), blob, make_image(image, blob.spec, np.random.default_rng(0))
+                DeviceBank("rtl", device),
+                blob,
+                make_image(image, blob.spec, np.random.default_rng(0)),
             )
 
 
@@ -50,12 +54,14 @@ def test_trained_weights(device: Device) -> None:
 def test_other_builds(pixel_bytes: int, scale: int) -> None:
     if scale == 1 and pixel_bytes in {1, 2, 16}:
         pixel_bytes = 8  # one more model is enough for every day
-    build = Build(pixel_bytes=pixel_bytes, channels=6, nodes=100, actions=17)
+    build = Build(pixel_bytes=pixel_bytes, channels=6, hidden_units=100, actions=17)
     device = Device(SimulatedCore(build))
     assert device.build == build
     rng = np.random.default_rng(pixel_bytes)
     for spec in (NetworkSpec(6, 100, 17), NetworkSpec(1, 16, 2), NetworkSpec(5, 33, 16)):
-        assert_exact(DeviceBank("rtl", device), WeightBlob.random(spec, rng), make_image("random", spec, rng))
+        assert_exact(
+            DeviceBank("rtl", device), WeightBlob.random(spec, rng), make_image("random", spec, rng)
+        )
 
 
 def test_a_network_beyond_the_build_is_refused(device: Device) -> None:

@@ -22,7 +22,7 @@ def test_what_is_packed_is_read_back(spec: NetworkSpec, build: Build, seed: int)
     rng = np.random.default_rng(seed)
     blob = with_edge_thresholds(WeightBlob.random(spec, rng), rng)
     held = packing.memories(build, blob)
-    assert held[2].size == 8 * engine_words(groups(spec.nodes), groups(spec.actions))
+    assert held[2].size == 8 * engine_words(groups(spec.hidden_units), groups(spec.actions))
     found = packing.parameters(build, spec, held)
     for name, expected in blob.parameters().items():
         np.testing.assert_array_equal(found[name], expected)
@@ -30,7 +30,9 @@ def test_what_is_packed_is_read_back(spec: NetworkSpec, build: Build, seed: int)
 
 @settings(max_examples=30)
 @given(SPECS, BUILDS, st.integers(0, 2**32 - 1))
-def test_any_flipped_bit_is_another_policy_or_none(spec: NetworkSpec, build: Build, seed: int) -> None:
+def test_any_flipped_bit_is_another_policy_or_none(
+    spec: NetworkSpec, build: Build, seed: int
+) -> None:
     rng = np.random.default_rng(seed)
     blob = WeightBlob.random(spec, rng)
     held = packing.memories(build, blob)
@@ -47,4 +49,6 @@ def test_any_flipped_bit_is_another_policy_or_none(spec: NetworkSpec, build: Bui
 def test_pixels_go_in_raster_order(pixel_bytes: int) -> None:
     build = Build(pixel_bytes=pixel_bytes)
     image = np.arange(4 * 84 * 84, dtype=np.uint32).astype(np.uint8).reshape(4, 84, 84)
-    np.testing.assert_array_equal(packing.beats(build, image).reshape(84, 84, 4), image.transpose(1, 2, 0))
+    np.testing.assert_array_equal(
+        packing.beats(build, image).reshape(84, 84, 4), image.transpose(1, 2, 0)
+    )

@@ -24,7 +24,9 @@ MISALIGNED = 1 << 2
 
 
 def outputs(device: Device, bank: int, blob: WeightBlob) -> None:
-    np.testing.assert_array_equal(device.run(bank, blob.spec, IMAGE), golden.forward(blob, IMAGE)[-1])
+    np.testing.assert_array_equal(
+        device.run(bank, blob.spec, IMAGE), golden.forward(blob, IMAGE)[-1]
+    )
 
 
 def changed(index: int, value: int) -> Callable[[Words], Words]:
@@ -62,7 +64,9 @@ def changed(index: int, value: int) -> Callable[[Words], Words]:
         (lambda words: np.append(words, np.uint32(0)), LENGTH),
     ],
 )
-def test_a_wrong_set_never_runs(core: SimulatedCore, change: Callable[[Words], Words], event: int) -> None:
+def test_a_wrong_set_never_runs(
+    core: SimulatedCore, change: Callable[[Words], Words], event: int
+) -> None:
     device = Device(core)
     device.load(0, ONE)
     outputs(device, 0, ONE)
@@ -152,13 +156,25 @@ def test_reset_in_the_middle_of_anything(core: SimulatedCore) -> None:
 
 def test_registers_refuse_what_they_are_not_made_for(core: SimulatedCore) -> None:
     for offset in range(0, 1024, 4):
-        known = offset in range(0x00, 0x48, 4) or offset in {0x50, 0x54} or offset >= 0x100 and offset < 0x200
+        known = (
+            offset in range(0x00, 0x48, 4)
+            or offset in {0x50, 0x54}
+            or offset >= 0x100
+            and offset < 0x200
+        )
         if known:
             core.read(offset)
         else:
             with pytest.raises(RefusedError):
                 core.read(offset)
-    read_only = (registers.IDENTITY, registers.BUILD, registers.STATUS, registers.FRAMES, registers.OUTPUTS, 0x3F0)
+    read_only = (
+        registers.IDENTITY,
+        registers.BUILD,
+        registers.STATUS,
+        registers.FRAMES,
+        registers.OUTPUTS,
+        0x3F0,
+    )
     for register in read_only:
         with pytest.raises(RefusedError):
             core.write(register, 1)

@@ -69,7 +69,9 @@ def test_the_serial_line_says_what_is_refused(line: SimulatedLine) -> None:
     with pytest.raises(RefusedError):
         core.read(0x3F0)
     line.write(b"\x00xyz")  # no command: passed over
-    words = packing.weight_set(Build(), WeightBlob.random(SPEC, np.random.default_rng(0)), bank=0, epoch=5)
+    words = packing.weight_set(
+        Build(), WeightBlob.random(SPEC, np.random.default_rng(0)), bank=0, epoch=5
+    )
     core.send_set(words)
     assert core.read(registers.BANK_EPOCH) == 5
     assert core.read(registers.BANK_CRC) == words[-1]
@@ -104,7 +106,9 @@ def test_no_device_is_one_clear_line(monkeypatch: pytest.MonkeyPatch, tmp_path: 
             load("fpga")
 
 
-def test_what_is_mapped_has_to_be_this_core(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_what_is_mapped_has_to_be_this_core(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
     registers_file = tmp_path / "registers"
     registers_file.write_bytes(bytes(4096))
     monkeypatch.setenv(connected.WHERE, str(registers_file))

@@ -14,14 +14,19 @@ from bpn_edge.fpga.verilated import verilator
 RTL = sources.folder()
 BUILDS = (
     Build(),
-    Build(pixel_bytes=1, channels=3, nodes=16, actions=2),
-    Build(pixel_bytes=8, nodes=100),
-    Build(pixel_bytes=16, nodes=1023),
+    Build(pixel_bytes=1, channels=3, hidden_units=16, actions=2),
+    Build(pixel_bytes=8, hidden_units=100),
+    Build(pixel_bytes=16, hidden_units=1023),
 )
 
 
 def test_what_is_made_from_the_register_map_is_current() -> None:
-    done = subprocess.run([sys.executable, RTL / "generate.py", "--check"], capture_output=True, text=True, check=False)
+    done = subprocess.run(
+        [sys.executable, RTL / "generate.py", "--check"],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
     assert done.returncode == 0, done.stdout + done.stderr
 
 

@@ -20,7 +20,9 @@ def test_every_answer_belongs_wholly_to_one_policy(core: SimulatedCore, scale: i
     stream = CoreStream(core, images)
     swaps = 40 * scale
     for swap in range(swaps):
-        spec = SPEC if swap % 5 else NetworkSpec(1, int(rng.integers(1, 60)), int(rng.integers(2, 20)))
+        spec = (
+            SPEC if swap % 5 else NetworkSpec(1, int(rng.integers(1, 60)), int(rng.integers(2, 20)))
+        )
         core.write(registers.EVENTS, VERIFIED)
         stream.load(swap % 2, WeightBlob.random(spec, rng))
         while not stream.verified():

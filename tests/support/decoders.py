@@ -92,7 +92,7 @@ MESSAGES: list[Message] = [
     FaultReceipt(),
     LeaseRequest(
         role="edge", worker="edge-1a", label="host/3", version="1.2", protocol=1,
-        gave_back=GiveBack(run=RUN, slot=1, reason="no"),
+        gave_back=GiveBack(run=RUN, slot=1, reason="no"), plugins={"bpn.kernels": ("native", "own")},
     ),
     LeaseReply(verdict="lease", run=RUN, slot=3, retry_s=1.0),
     Release(run=RUN, reason="stopped"),

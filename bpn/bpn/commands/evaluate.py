@@ -11,19 +11,16 @@ from rich.console import Console
 
 from bpn import optional
 from bpn.errors import CommandError
-from bpn.evaluation.outcome import distinct_trials, outcome, summarize
+from bpn.evaluation.evaluate import evaluate
 from bpn.evaluation.shown import shown
-from bpn.evaluation.trials import PlayedPolicy, Trials, play
+from bpn.evaluation.trials import PlayedPolicy
 from bpn.options import add_runs_dir
 from bpn.outputs import check_output
 from bpn.progress import bar
-from bpn.this_machine import ThisMachine
-from bpn_shared.bnn.weights import Weights, decode_weights
-from bpn_shared.errors import InputError
-from bpn_shared.runs.folder import RunFolder
-from bpn_shared.runtime.gym_modules import add_gym_modules, allowed_modules
+from bpn.run import open_run
+from bpn_shared.runtime.gym_modules import add_gym_modules
 from bpn_shared.runtime.service import stop_on_signals
-from bpn_shared.spec.config import Pacing, RunConfig
+from bpn_shared.spec.sections import Pacing
 from bpn_shared.spec.tasks import TaskSpec
 
 _FILMS, _PLOTS = (".mp4", ".gif"), (".png", ".svg", ".pdf")
@@ -70,53 +67,37 @@ def add_options(parser: argparse.ArgumentParser, _arguments: Sequence[str]) -> N
 
 def run(options: argparse.Namespace) -> int:
     """Plays the trials; exit status 130 if interrupted."""
-    folder = RunFolder.open(options.runs_dir, options.run_id)
-    trials = _trials(options, folder.config())
-    version = folder.best().version if options.best else options.version
-    config, weights = trials.config(folder.config()), _weights(folder, version)
-    video, plot = _media(options, config.task_spec)
-    gym_modules = allowed_modules(options.gym_modules)
-    ThisMachine(gym_modules).check_playing(config)
-    stop = stop_on_signals()
-    with bar("trials", trials.count) as over:
-        episodes = play(
-            folder,
-            weights,
-            trials,
-            stop,
+    played = open_run(options.run_id, runs_dir=options.runs_dir)
+    task = played.config.task_spec
+    video, plot = _media(options, task)
+    with bar("trials", max(options.trials, 1)) as over:
+        found = evaluate(
+            played,
+            trials=options.trials,
+            policy=options.policy,
+            version="best" if options.best else options.version,
+            seed=options.seed,
+            pacing=options.pacing,
+            action_delay_ms=options.action_delay_ms,
+            kernel=options.kernel,
+            robots=options.robots,
+            gym_modules=[options.gym_modules],
+            stop=stop_on_signals(),
             on_progress=over,
             say=over.say,
-            gym_modules=gym_modules,
         )
-    if stop.is_set():
-        return 130
-    result = {
-        "run_id": str(folder.run),
-        "task": config.task,
-        "algorithm": config.algorithm,
-        "weights_version": weights.version,
-        "policy": trials.policy,
-        "seed": trials.seed,
-        "pacing": config.pacing,
-        "action_delay_ms": config.action_delay_ms,
-        **summarize(
-            config,
-            [outcome(config, episode) for episode in episodes],
-            distinct=distinct_trials(episodes),
-        ),
-    }
     if options.json:
-        print(json.dumps(result), flush=True)
+        print(json.dumps(found.result), flush=True)
     else:
-        Console().print("\n".join(shown(result, config)), highlight=False, soft_wrap=True)
+        lines = shown(found.result, played.config)
+        Console().print("\n".join(lines), highlight=False, soft_wrap=True)
     # What was measured stands whatever becomes of the pictures.
     if video is not None:
-        bars = not options.no_bars
         with _writing("--video", options.video):
-            video.write(options.video, episodes, config.task_spec, bars=bars)
+            video.write(options.video, found.episodes, task, bars=not options.no_bars)
     if plot is not None:
         with _writing("--plot", options.plot):
-            plot.write(options.plot, config.task_spec, episodes)
+            plot.write(options.plot, task, found.episodes)
     return 0
 
 
@@ -126,30 +107,6 @@ def _writing(option: str, path: Path) -> Iterator[None]:
         yield
     except Exception as error:  # encoders have exceptions of their own
         raise CommandError(f"{option} {path} could not be written: {error}") from error
-
-
-def _trials(options: argparse.Namespace, trained: RunConfig) -> Trials:
-    if options.trials < 1:
-        raise InputError(f"--trials = {options.trials} must be at least 1")
-    changes = {
-        "pacing": options.pacing,
-        "action_delay_ms": options.action_delay_ms,
-        "robots": options.robots,
-        "kernel": options.kernel or trained.kernel,
-    }
-    seed = trained.seed if options.seed is None else options.seed
-    return Trials(options.trials, options.policy, seed, changes)
-
-
-def _weights(folder: RunFolder, version: int | None) -> Weights:
-    if version is None:
-        return folder.newest_weights()
-    path = folder.weights_path(version)
-    if not path.exists():
-        raise InputError(
-            f"--version {version}: not in {path.parent}, the newest is {folder.newest_weights().version}"
-        )
-    return decode_weights(path.read_bytes())
 
 
 def _media(options: argparse.Namespace, task: TaskSpec) -> tuple[Any, Any]:

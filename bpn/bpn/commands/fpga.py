@@ -18,20 +18,41 @@ TARGETS = ("ulx3s-85f", "zu3eg")
 
 def add_options(parser: argparse.ArgumentParser, _arguments: Sequence[str]) -> None:
     actions = parser.add_subparsers(required=True, metavar="ACTION")
-    build = actions.add_parser("build", help="make a bitstream (ulx3s-85f), or an IP folder for Vivado and an estimate (zu3eg)")
+    build = actions.add_parser(
+        "build",
+        help="make a bitstream (ulx3s-85f), or an IP folder for Vivado and an estimate (zu3eg)",
+    )
     build.add_argument("--target", choices=TARGETS, required=True)
-    build.add_argument("--clock", type=int, default=120, metavar="MHZ", help="of ulx3s-85f (default 120)")
+    build.add_argument(
+        "--clock", type=int, default=120, metavar="MHZ", help="of ulx3s-85f (default 120)"
+    )
     build.set_defaults(run=run_build)
-    show = actions.add_parser("report", help="clocks measured in simulation, what was built, beside the paper's figures")
-    show.add_argument("--network", default="6,100,17", metavar="C,N,A", help="default 6,100,17, the paper's DPP policy")
+    show = actions.add_parser(
+        "report", help="clocks measured in simulation, what was built, beside the paper's figures"
+    )
+    show.add_argument(
+        "--network",
+        default="6,100,17",
+        metavar="C,N,A",
+        help="default 6,100,17, the paper's DPP policy",
+    )
     show.set_defaults(run=run_report)
-    explore = actions.add_parser("explore", help="throughput against area: builds of 1 to 16 bytes of pixels a clock")
+    explore = actions.add_parser(
+        "explore", help="throughput against area: builds of 1 to 16 bytes of pixels a clock"
+    )
     explore.add_argument("--network", default="6,100,17", metavar="C,N,A")
     explore.set_defaults(run=run_explore)
     for sub in (build, explore):
-        sub.add_argument("--nodes", type=int, default=256, help="the largest N that it runs (default 256)")
+        sub.add_argument(
+            "--nodes", type=int, default=256, help="the largest N that it runs (default 256)"
+        )
     for sub in (build, show, explore):
-        sub.add_argument("--out", type=Path, default=Path("build/fpga"), help="folder of what is made (default build/fpga)")
+        sub.add_argument(
+            "--out",
+            type=Path,
+            default=Path("build/fpga"),
+            help="folder of what is made (default build/fpga)",
+        )
         sub.add_argument("--json", action="store_true", help="print one JSON object")
 
 
@@ -42,7 +63,9 @@ def run_build(options: argparse.Namespace) -> int:
     where.mkdir(parents=True, exist_ok=True)
     if options.target == "ulx3s-85f":
         if options.clock % 3 or not 30 <= options.clock <= 300:
-            raise InputError(f"--clock {options.clock}: a multiple of 3 in 30..300, so that the serial line's 3 MBaud is exact")
+            raise InputError(
+                f"--clock {options.clock}: a multiple of 3 in 30..300, so that the serial line's 3 MBaud is exact"
+            )
         figures = ulx3s.make(build, options.clock, where.resolve())
     else:
         figures = zu3eg.make(build, where.resolve())
@@ -74,7 +97,14 @@ def run_explore(options: argparse.Namespace) -> int:
         where = options.out / f"explore-{pixel_bytes}"
         where.mkdir(parents=True, exist_ok=True)
         used = synthesis.estimate_xilinx(build, where.resolve())
-        rows.append({"pixel_bytes": pixel_bytes, "interval": measured.interval, "tail": measured.tail, **used})
+        rows.append(
+            {
+                "pixel_bytes": pixel_bytes,
+                "interval": measured.interval,
+                "tail": measured.tail,
+                **used,
+            }
+        )
     if options.json:
         print(json.dumps({"network": str(spec), "points": rows}))
         return 0
@@ -90,7 +120,7 @@ def run_explore(options: argparse.Namespace) -> int:
 
 def _build(*, nodes: int, pixel_bytes: int = 4) -> Build:
     try:
-        return Build(pixel_bytes=pixel_bytes, nodes=nodes)
+        return Build(pixel_bytes=pixel_bytes, hidden_units=nodes)
     except ValueError as error:
         raise InputError(str(error)) from error
 

@@ -20,7 +20,7 @@ from bpn_shared.messages.episode import Episode
 from bpn_shared.spec.network import IMAGE_SIZE_PX
 from bpn_shared.spec.tasks import TaskSpec
 from bpn_tasks.framing import MIDDLE_PX
-from bpn_tasks.rewards import reaching_path_px
+from bpn_tasks.paths import reaching_path_px
 
 MOST_TRIALS = 10
 """More would hide each other; the first are drawn."""

@@ -28,7 +28,7 @@ def shown(result: dict[str, Any], config: RunConfig) -> list[str]:
         lines.append(
             f"softmax is not how {config.algorithm} trains: it takes the best action, or any by chance"
         )
-    if config.pacing == "realtime":
+    if result["pacing"] == "realtime":
         lines.append(f"control periods without an action: {result['deadline_misses']}")
     return lines
 

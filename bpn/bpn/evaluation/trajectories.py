@@ -7,7 +7,7 @@ from bpn_robot_sim.pan_tilt import geometry
 from bpn_shared.messages.episode import Episode
 from bpn_tasks.framing import MIDDLE_PX
 from bpn_tasks.markers import PAN_TILT_MARKER, TRACKING_TARGET
-from bpn_tasks.rewards import target_path_px
+from bpn_tasks.paths import target_path_px
 
 Path = npt.NDArray[np.float64]
 """float64[T+1, 2], one position for each frame."""

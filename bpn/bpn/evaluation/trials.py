@@ -32,7 +32,7 @@ _START_S, _LOOK_S = 180.0, 0.05
 
 
 @dataclass(frozen=True, slots=True)
-class Trials:
+class TrialPlan:
     """What is played.
 
     Attributes:
@@ -61,7 +61,7 @@ class Trials:
 def play(
     folder: RunFolder,
     weights: Weights,
-    trials: Trials,
+    trials: TrialPlan,
     stop: threading.Event,
     *,
     on_progress: OnProgress = lambda _: None,

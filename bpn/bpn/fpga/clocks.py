@@ -18,7 +18,7 @@ _SHORTEST_JOB = 4
 
 def by_layer(build: Build, spec: NetworkSpec) -> dict[str, int]:
     """Clocks that each layer keeps its part of the core busy; conv1's are the pixels' own, the others run beside them."""
-    node_groups, action_groups = groups(spec.nodes), groups(spec.actions)
+    node_groups, action_groups = groups(spec.hidden_units), groups(spec.actions)
     _, conv2, conv3, _, _ = spec.layers
     job = max(node_groups, _SHORTEST_JOB)
     return {
@@ -59,7 +59,9 @@ def measure(build: Build, spec: NetworkSpec, frames: int = 4) -> Measured:
     blob, image = WeightBlob.random(spec, np.random.default_rng(0)), spec.probe()
     device.load(0, blob)
     outputs = device.run(0, spec, image)
-    assert np.array_equal(outputs, golden.forward(blob, image)[-1]), f"{build} computes {spec} wrongly"
+    assert np.array_equal(outputs, golden.forward(blob, image)[-1]), (
+        f"{build} computes {spec} wrongly"
+    )
     frame, tail = device.clocks()
     interval = _interval(core, packing.beats(build, image), frames)
     words = packing.weight_set(build, blob, bank=1, epoch=2)

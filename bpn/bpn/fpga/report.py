@@ -16,7 +16,10 @@ NOMINAL_MHZ = 100
 OTHERS = (
     ("BPN of the paper, in an FPGA (its Table III)", 4_000.0),
     ("DQN of the paper (its Table III)", 1_003_000.0),
-    ("FINN CNV-W1A1 (37 times the operations), Ultra96 at 300 MHz, one image (BNN-PYNQ's notebook)", 527.0),
+    (
+        "FINN CNV-W1A1 (37 times the operations), Ultra96 at 300 MHz, one image (BNN-PYNQ's notebook)",
+        527.0,
+    ),
     ("the same, batched (BNN-PYNQ's notebook)", 109.3),
 )
 """What it is, µs an inference."""
@@ -46,16 +49,24 @@ def show(result: dict[str, Any]) -> None:
         layers.add_row(name, f"{count:,}")
     console.print(layers, "conv1 takes the pixels as they come; the others run beside it.")
     rates = {NOMINAL_MHZ: "nominal"} | {
-        int(built["fmax_mhz"]): f"{built['target']}, after place-and-route" for built in result["built"] if "fmax_mhz" in built
+        int(built["fmax_mhz"]): f"{built['target']}, after place-and-route"
+        for built in result["built"]
+        if "fmax_mhz" in built
     }
-    table = Table("measured in simulation", "clocks", *(f"µs at {mhz} MHz ({why})" for mhz, why in rates.items()))
+    table = Table(
+        "measured in simulation",
+        "clocks",
+        *(f"µs at {mhz} MHz ({why})" for mhz, why in rates.items()),
+    )
     for what, key in (
         ("from the first pixels to the outputs", "frame"),
         ("from the last pixels to the outputs", "tail"),
         ("from frame to frame, without a gap", "interval"),
         ("a whole weight set", "load"),
     ):
-        table.add_row(what, f"{measured[key]:,.10g}", *(f"{measured[key] / mhz:.2f}" for mhz in rates))
+        table.add_row(
+            what, f"{measured[key]:,.10g}", *(f"{measured[key] / mhz:.2f}" for mhz in rates)
+        )
     console.print(table)
     others = Table("beside", "µs an inference")
     for name, us in OTHERS:
@@ -63,8 +74,14 @@ def show(result: dict[str, Any]) -> None:
     console.print(others)
     for built in result["built"]:
         used = built.get("used") or built["estimate"]
-        shares = ", ".join(f"{count:,.10g} {name} ({built['share'][name]:.1%})" for name, count in used.items())
-        rate = f"{built['fmax_mhz']} MHz after place-and-route; " if "fmax_mhz" in built else "estimate before place-and-route: "
+        shares = ", ".join(
+            f"{count:,.10g} {name} ({built['share'][name]:.1%})" for name, count in used.items()
+        )
+        rate = (
+            f"{built['fmax_mhz']} MHz after place-and-route; "
+            if "fmax_mhz" in built
+            else "estimate before place-and-route: "
+        )
         console.print(f"{built['target']}: {rate}{shares}; {', '.join(built['tools'])}")
     if not result["built"]:
         console.print("Nothing is built yet: bpn fpga build --target ulx3s-85f")

@@ -46,7 +46,10 @@ def write_sources(build: Build, where: Path, *more: str) -> list[str]:
     """Copies the core's sources of a build, and others of the RTL's folder, into a folder; their names there."""
     package = sources.write_package(build, where)
     names = [package.name]
-    for path in (*sources.core_files(), *(file for pattern in more for file in sorted(sources.folder().glob(pattern)))):
+    for path in (
+        *sources.core_files(),
+        *(file for pattern in more for file in sorted(sources.folder().glob(pattern))),
+    ):
         (where / path.name).write_text(path.read_text())
         names.append(path.name)
     return names

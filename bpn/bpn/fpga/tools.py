@@ -23,7 +23,9 @@ def find(name: str) -> str:
         MissingToolError: it is not installed; the message says how it is.
     """
     beside = Path(sysconfig.get_path("scripts")) / f"yowasp-{name}"
-    found = shutil.which(name) or (str(beside) if beside.exists() else shutil.which(f"yowasp-{name}"))
+    found = shutil.which(name) or (
+        str(beside) if beside.exists() else shutil.which(f"yowasp-{name}")
+    )
     if found is None:
         raise MissingToolError(f"{name} is not installed: pip install 'bpn[fpga]'")
     return found
@@ -50,9 +52,20 @@ def run(name: str, arguments: list[str], *, where: Path, log: str) -> float:
     path = where / log
     with path.open("w") as said:
         done = subprocess.run(
-            [find(name), *arguments], cwd=where, stdout=said, stderr=subprocess.STDOUT, check=False, env=os.environ
+            [find(name), *arguments],
+            cwd=where,
+            stdout=said,
+            stderr=subprocess.STDOUT,
+            check=False,
+            env=os.environ,
         )
     if done.returncode:
-        errors = [line for line in path.read_text(errors="replace").splitlines() if "ERROR" in line.upper()]
-        raise CommandError(f"{name} failed: {errors[-1] if errors else f'exit status {done.returncode}'}; see {path}")
+        errors = [
+            line
+            for line in path.read_text(errors="replace").splitlines()
+            if "ERROR" in line.upper()
+        ]
+        raise CommandError(
+            f"{name} failed: {errors[-1] if errors else f'exit status {done.returncode}'}; see {path}"
+        )
     return time.monotonic() - began_s

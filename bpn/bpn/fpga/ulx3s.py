@@ -30,18 +30,44 @@ def make(build: Build, clock_mhz: int, where: Path) -> dict[str, Any]:
     """
     files = write_sources(build, where, "serial/*.sv", "boards/ulx3s/*.sv")
     pins = sources.folder() / "boards/ulx3s/ulx3s.lpf"
-    tools.run("ecppll", ["-i", str(BOARD_MHZ), "-o", str(clock_mhz), "-n", "bpn_pll", "-f", "bpn_pll.v"], where=where, log="ecppll.log")
+    tools.run(
+        "ecppll",
+        ["-i", str(BOARD_MHZ), "-o", str(clock_mhz), "-n", "bpn_pll", "-f", "bpn_pll.v"],
+        where=where,
+        log="ecppll.log",
+    )
     clocks = clock_mhz * 1_000_000 // BAUD
     script = (
         f"read_verilog -sv {' '.join(files)} bpn_pll.v; chparam -set CLOCKS {clocks} bpn_ulx3s; "
         "synth_ecp5 -top bpn_ulx3s -json bpn_ulx3s.json"
     )
     seconds = {"yosys": tools.run("yosys", ["-q", "-p", script], where=where, log="yosys.log")}
-    arguments = ["--85k", "--speed", "6", "--package", "CABGA381", "--json", "bpn_ulx3s.json", "--lpf", str(pins)]
-    arguments += ["--textcfg", "bpn_ulx3s.config", "--freq", str(clock_mhz), "--report", "route.json", "--seed", "1"]
+    arguments = [
+        "--85k",
+        "--speed",
+        "6",
+        "--package",
+        "CABGA381",
+        "--json",
+        "bpn_ulx3s.json",
+        "--lpf",
+        str(pins),
+    ]
+    arguments += [
+        "--textcfg",
+        "bpn_ulx3s.config",
+        "--freq",
+        str(clock_mhz),
+        "--report",
+        "route.json",
+        "--seed",
+        "1",
+    ]
     arguments += ["--timing-allow-fail"]
     seconds["nextpnr"] = tools.run("nextpnr-ecp5", arguments, where=where, log="nextpnr.log")
-    seconds["ecppack"] = tools.run("ecppack", ["--compress", "bpn_ulx3s.config", BITSTREAM], where=where, log="ecppack.log")
+    seconds["ecppack"] = tools.run(
+        "ecppack", ["--compress", "bpn_ulx3s.config", BITSTREAM], where=where, log="ecppack.log"
+    )
     figures = {
         "target": "ulx3s-85f",
         "clock_mhz": clock_mhz,
@@ -56,7 +82,11 @@ def make(build: Build, clock_mhz: int, where: Path) -> dict[str, Any]:
 
 def routed(report: dict[str, Any]) -> dict[str, Any]:
     """Fmax and resources of nextpnr's report."""
-    used = {name: report["utilization"][cell]["used"] for name, cell in _CELLS.items() if cell in report["utilization"]}
+    used = {
+        name: report["utilization"][cell]["used"]
+        for name, cell in _CELLS.items()
+        if cell in report["utilization"]
+    }
     return {
         "fmax_mhz": round(max(clock["achieved"] for clock in report["fmax"].values()), 1),
         "used": used,

@@ -14,7 +14,18 @@ from bpn_edge.fpga.build import Build
 _SPIRIT = "http://www.spiritconsortium.org/XMLSchema/SPIRIT/1685-2009"
 _STREAM = ("TDATA", "TVALID", "TREADY", "TLAST")
 _LITE = (
-    *("AWADDR", "AWVALID", "AWREADY", "WDATA", "WSTRB", "WVALID", "WREADY", "BRESP", "BVALID", "BREADY"),
+    *(
+        "AWADDR",
+        "AWVALID",
+        "AWREADY",
+        "WDATA",
+        "WSTRB",
+        "WVALID",
+        "WREADY",
+        "BRESP",
+        "BVALID",
+        "BREADY",
+    ),
     *("ARADDR", "ARVALID", "ARREADY", "RDATA", "RRESP", "RVALID", "RREADY"),
 )
 INTERFACES = {
@@ -56,11 +67,21 @@ def component(files: list[str], build: Build) -> bytes:
     """component.xml (IP-XACT): the bus interfaces over the ports of bpn_ip.v, and the sources."""
     ET.register_namespace("spirit", _SPIRIT)
     root = _element(None, "component")
-    for name, value in (("vendor", "bpn"), ("library", "user"), ("name", "bpn"), ("version", "1.0")):
+    for name, value in (
+        ("vendor", "bpn"),
+        ("library", "user"),
+        ("name", "bpn"),
+        ("version", "1.0"),
+    ):
         _element(root, name, value)
     interfaces = _element(root, "busInterfaces")
     for prefix, (vendor, library, name, signals) in INTERFACES.items():
-        _bus(interfaces, prefix, f"{vendor}:{library}:{name}", {signal: f"{prefix}_{signal.lower()}" for signal in signals})
+        _bus(
+            interfaces,
+            prefix,
+            f"{vendor}:{library}:{name}",
+            {signal: f"{prefix}_{signal.lower()}" for signal in signals},
+        )
     _bus(interfaces, "aclk", "xilinx.com:signal:clock", {"CLK": "aclk"})
     _bus(interfaces, "aresetn", "xilinx.com:signal:reset", {"RST": "aresetn"})
     _bus(interfaces, "irq", "xilinx.com:signal:interrupt", {"INTERRUPT": "irq"}, master=True)
@@ -75,19 +96,34 @@ def component(files: list[str], build: Build) -> bytes:
     for file in files:
         entry = _element(file_set, "file")
         _element(entry, "name", file)
-        _element(entry, "fileType", "systemVerilogSource" if file.endswith(".sv") else "verilogSource")
-    _element(root, "description", f"Binarized policy, {8 * build.pixel_bytes} bits of pixels a clock, N <= {build.nodes}")
+        _element(
+            entry, "fileType", "systemVerilogSource" if file.endswith(".sv") else "verilogSource"
+        )
+    _element(
+        root,
+        "description",
+        f"Binarized policy, {8 * build.pixel_bytes} bits of pixels a clock, N <= {build.hidden_units}",
+    )
     ET.indent(root)
     return ET.tostring(root, encoding="UTF-8", xml_declaration=True)
 
 
-def _bus(parent: ET.Element, name: str, kind: str, ports: dict[str, str], *, master: bool = False) -> None:
+def _bus(
+    parent: ET.Element, name: str, kind: str, ports: dict[str, str], *, master: bool = False
+) -> None:
     bus = _element(parent, "busInterface")
     _element(bus, "name", name)
     vendor, library, type_ = kind.split(":")
     for suffix, tag in (("", "busType"), ("_rtl", "abstractionType")):
-        attributes = {"vendor": vendor, "library": library, "name": f"{type_}{suffix}", "version": "1.0"}
-        _element(bus, tag).attrib.update({f"{{{_SPIRIT}}}{key}": value for key, value in attributes.items()})
+        attributes = {
+            "vendor": vendor,
+            "library": library,
+            "name": f"{type_}{suffix}",
+            "version": "1.0",
+        }
+        _element(bus, tag).attrib.update(
+            {f"{{{_SPIRIT}}}{key}": value for key, value in attributes.items()}
+        )
     _element(bus, "master" if master else "slave")
     maps = _element(bus, "portMaps")
     for logical, physical in ports.items():

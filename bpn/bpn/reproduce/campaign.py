@@ -11,7 +11,7 @@ from pathlib import Path
 
 from rich.progress import Progress, TaskID
 
-from bpn.evaluation.trials import Trials, play
+from bpn.evaluation.trials import TrialPlan, play
 from bpn.local_run import RunFailedError, private_endpoint, run_to_end, stalls_told
 from bpn.progress import bar, bars
 from bpn.reproduce.definition import StoppedError
@@ -94,7 +94,7 @@ class Campaign:
             told = stalls_told(folder, endpoint, self._stop, self._say)
             run_to_end(folder, endpoint=endpoint, stop=self._stop, display=told)
 
-    def play(self, folder: RunFolder, trials: Trials) -> list[Episode]:
+    def play(self, folder: RunFolder, trials: TrialPlan) -> list[Episode]:
         """The trials with the newest weights of a finished run, played once and kept.
 
         Raises:

@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from bpn.evaluation.outcome import outcome, summarize
-from bpn.evaluation.trials import PlayedPolicy, Trials
+from bpn.evaluation.trials import PlayedPolicy, TrialPlan
 from bpn.plotting import OVER_SEEDS, band, entitle, new_figure, reference
 from bpn.reproduce.caption import caption
 from bpn.reproduce.definition import Context, Document, Scope, Target
@@ -43,7 +43,7 @@ def _play(
 ) -> dict[str, Any]:
     count = _QUICK_TRIALS if context.scope.quick else count
     context.say(f"plays {count} trials of {name} (seed {folder.config().seed})")
-    trials = Trials(count, policy, _START_SEED, {})
+    trials = TrialPlan(count, policy, _START_SEED, {})
     config = trials.config(folder.config())
     outcomes = [outcome(config, episode) for episode in context.play(folder, trials)]
     return {"name": name, "seed": folder.config().seed, **summarize(config, outcomes)}

@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from bpn.evaluation.outcome import outcome, summarize
-from bpn.evaluation.trials import Trials
+from bpn.evaluation.trials import TrialPlan
 from bpn.plotting import colour, entitle, new_figure
 from bpn.reproduce import computers
 from bpn.reproduce.caption import caption
@@ -77,7 +77,7 @@ def _play(
 ) -> tuple[dict[str, Any], list[float]]:
     count = _QUICK_TRIALS if context.scope.quick else _TRIALS
     changes = {"pacing": "realtime", "action_delay_ms": delay_ms, "robots": min(_ROBOTS, count)}
-    trials = Trials(count, "greedy", _START_SEED, changes)
+    trials = TrialPlan(count, "greedy", _START_SEED, changes)
     config, episodes = trials.config(folder.config()), context.play(folder, trials)
     summary = summarize(config, [outcome(config, episode) for episode in episodes])
     times_ns = np.concatenate([episode.camera_to_action_ns for episode in episodes])

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 
 from bpn.evaluation.outcome import outcome, summarize
 from bpn.evaluation.trajectories import figure_deg, gaze_deg
-from bpn.evaluation.trials import PlayedPolicy, Trials
+from bpn.evaluation.trials import PlayedPolicy, TrialPlan
 from bpn.plotting import BEST, OVER_SEEDS, band, colour, entitle, new_figure
 from bpn.reproduce.caption import caption
 from bpn.reproduce.definition import Context, Document, Scope, Target
@@ -47,7 +47,7 @@ def measure(context: Context) -> dict[str, Any]:
 def _play(context: Context, folder: RunFolder, policy: PlayedPolicy, name: str) -> dict[str, Any]:
     count = _QUICK_TRIALS if context.scope.quick else _TRIALS
     context.say(f"plays {count} trials of {name} (seed {folder.config().seed}) in realtime pacing")
-    trials = Trials(
+    trials = TrialPlan(
         count, policy, _START_SEED, {"pacing": "realtime", "robots": min(_ROBOTS, count)}
     )
     config = trials.config(folder.config())

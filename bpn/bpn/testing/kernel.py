@@ -12,7 +12,7 @@ from bpn_edge.kernel import Kernel
 from bpn_shared.bnn import golden
 from bpn_shared.bnn.blob import WeightBlob
 from bpn_shared.bnn.golden import Observation
-from bpn_shared.spec.network import Layer, NetworkSpec
+from bpn_shared.spec.network import MAX_KERNEL, Convolution, Layer, NetworkSpec
 
 INT32 = np.iinfo(np.int32)
 IMAGES = ("random", "zeros", "full", "black and white")
@@ -25,42 +25,63 @@ def check_kernel(
 ) -> None:
     """Holds a kernel for binarized policies to `bpn_edge.kernel.Kernel`, and to golden bit by bit.
 
-    Networks of random geometry, signs and thresholds, also thresholds that every sum reaches, or none, or that are
+    Networks of random shape, signs and thresholds, also thresholds that every sum reaches, or none, or that are
     ties; pictures at random, black, white and of both. Where the kernel has `trace(observation) ->
     (activations, outputs)`, as `NativeKernel.trace`, every layer is compared.
 
     Args:
         kernel: without weights yet.
-        networks: random ones, beside the smallest and the largest.
+        networks: random ones, every second of the paper's shape, beside the smallest and the largest.
         seed: of what is drawn.
-        largest: network that it takes, where it is made for less than any.
+        largest: network of the paper's shape that it takes, where it is made for that shape alone.
 
     Raises:
         AssertionError: it differs; the message names what, and the network.
     """
     rng = np.random.default_rng(seed)
     _check_refusals(kernel)
-    specs = [SMALLEST, largest, *(random_spec(rng) for _ in range(networks))]
-    for number, spec in enumerate(specs):
-        image = make_image(IMAGES[number % len(IMAGES)], spec, rng)
-        blob = with_signs(WeightBlob.random(spec, rng), [str(rng.choice(SIGNS)) for _ in range(5)])
-        if number % 2:
+    other_shapes = largest is LARGEST
+    drawn = (
+        random_spec(rng) if number % 2 or not other_shapes else random_shape(rng)
+        for number in range(networks)
+    )
+    for number, spec in enumerate([SMALLEST, largest, *drawn]):
+        image = make_image(str(rng.choice(IMAGES)), spec, rng)
+        kinds = [str(rng.choice(SIGNS)) for _ in spec.layers]
+        blob = with_signs(WeightBlob.random(spec, rng), kinds)
+        if rng.integers(2):
             blob = with_edge_thresholds(blob, rng)
         if number % 3:
-            blob = with_ties(blob, image, int(rng.integers(4)), rng)
+            blob = with_ties(blob, image, int(rng.integers(len(spec.layers) - 1)), rng)
         assert_exact(kernel, blob, image)
     _check_manners(kernel, rng)
 
 
+def random_shape(rng: np.random.Generator) -> NetworkSpec:
+    """A network with convolutions and an image of its own; small, so that golden is quick."""
+    size = image_px = int(rng.integers(8, 57))
+    convolutions = []
+    for _ in range(rng.integers(1, 5)):
+        kernel = int(rng.integers(1, min(size, MAX_KERNEL) + 1))
+        stride = int(rng.integers(max(1, kernel // 4), kernel + 1))
+        convolutions.append(Convolution(kernel, stride, int(rng.integers(1, 25))))
+        size = (size - kernel) // stride + 1
+    dims = tuple(int(n) for n in rng.integers(2, 9, rng.integers(1, 5)))
+    return NetworkSpec(
+        int(rng.integers(1, 9)), int(rng.integers(1, 101)), sum(dims),
+        convolutions=tuple(convolutions), image_px=image_px, action_dims=dims,
+    )  # fmt: skip
+
+
 def random_spec(rng: np.random.Generator) -> NetworkSpec:
-    """A geometry that policies may have."""
+    """The paper's shape, with free sizes that policies may have."""
     return NetworkSpec(
         int(rng.choice([1, 2, 3, 6])), int(rng.integers(1, 257)), int(rng.integers(2, 65))
     )
 
 
 def make_image(kind: str, spec: NetworkSpec, rng: np.random.Generator) -> Observation:
-    """An observation, uint8[C, 84, 84]: one of `IMAGES`."""
+    """An observation, uint8[C, rows, columns]: one of `IMAGES`."""
     shape = spec.observation_shape
     if kind == "random":
         return rng.integers(0, 256, shape, dtype=np.uint8)

@@ -1,12 +1,13 @@
 """Rewards from pixels, in numpy: minus a distance in pixels between what the frames show (docs/tasks).
 
-They are computed here a second time for the paper's tasks. Other tasks' are computed by the plug-in that the
-learner has them from, which shows that it recorded and used what that computes.
+They are computed here a second time for the paper's tasks, where pictures are exact. Others are computed by the
+plug-in that the learner has them from, which shows that it recorded and used what that computes.
 """
 
 import numpy as np
 import numpy.typing as npt
 
+from bpn_shared.spec.disturbances import of_scope
 from bpn_shared.spec.rewards import RewardError, reward_function
 from bpn_shared.spec.tasks import TaskSpec
 from bpn_tasks.markers import HAND_LEVEL, PAN_TILT_MARKER, TARGET_LEVEL, TRACKING_TARGET, Disc
@@ -32,7 +33,8 @@ def rewards_of(task: TaskSpec, frames: Frames) -> npt.NDArray[np.float64]:
         PixelError: a marker is missing.
         PluginError: what computes them is not installed here.
     """
-    if task.rewards in (_REACHING, *_DISCS):
+    disturbed = of_scope(task.disturbances, "picture")
+    if task.rewards in (_REACHING, *_DISCS) and not disturbed:
         return rewards_px(task.rewards, frames)
     function = reward_function(task)
     if function is None:

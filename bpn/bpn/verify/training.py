@@ -19,8 +19,8 @@ Gradients = Callable[[Tensor], float]
 
 def learning_rate_factors(config: RunConfig, iteration: int) -> list[float]:
     """Of the learning rate, for every epoch: a line over the run, a cosine over each update."""
-    line = 1 + iteration / max(1, config.iterations - 1) * (config.learning_rate_last - 1)
-    final, last = config.learning_rate_final, max(1, config.epochs - 1)
+    line = 1 + iteration / max(1, config.iterations - 1) * (config.lr_run_final_factor - 1)
+    final, last = config.lr_update_final_factor, max(1, config.epochs - 1)
     cosines = [
         final + (1 - final) * (1 + math.cos(math.pi * (epoch / last))) / 2
         for epoch in range(config.epochs)
@@ -49,7 +49,11 @@ def autograd(trainee: Trainee, data: Targets) -> Gradients:
 
 def compiled(trainee: Trainee, data: Targets) -> Gradients:
     """By the learner's C++ kernel, whose rounding nothing else has; `gap` compares it with autograd."""
-    spec, path = trainee.spec, _native.available_paths()[0]
+    path = _native.available_paths()[0]
+    layers = [
+        (layer.in_size, layer.in_channels, layer.kernel, layer.stride, layer.out_channels)
+        for layer in trainee.spec.layers
+    ]
     slopes = [torch.zeros_like(p) for p in trainee.parameters]
     for parameter, slope in zip(trainee.parameters, slopes, strict=True):
         parameter.grad = slope
@@ -57,11 +61,11 @@ def compiled(trainee: Trainee, data: Targets) -> Gradients:
     values, written = ([v.detach().numpy() for v in of] for of in (trainee.parameters, slopes))
     seen, taken, y = data.seen.numpy(), data.actions.numpy(), data.y.numpy()
     if not trainee.binary:
-        of_floats = _native.FloatKernel(path, spec.channels, spec.nodes, spec.actions)
+        of_floats = _native.FloatKernel(path, layers)
         return lambda rows: of_floats.gradients(
             seen, rows.numpy(), taken, y, values[0], values[1], written[0], written[1], len(rows)
         )
-    kernel = _native.Kernel(path, spec.channels, spec.nodes, spec.actions)
+    kernel = _native.Kernel(path, layers)
 
     def gradients(rows: Tensor) -> float:
         loss, slope = kernel.gradients(
@@ -92,7 +96,7 @@ def train(
     gradients: Gradients,
     *,
     factors: list[float],
-    batch: int,
+    batch_size: int,
     shuffles: np.random.Generator,
     on_epoch: Callable[[], None] = lambda: None,
     turned: int = 0,
@@ -109,9 +113,9 @@ def train(
     losses = []
     for factor in factors:
         order = torch.from_numpy(shuffles.permutation(len(data.y)))
-        count, total = minibatches(len(data.y), batch), torch.zeros(())
+        count, total = minibatches(len(data.y), batch_size), torch.zeros(())
         for k in range(count):
-            total += gradients(order[batch * k : batch * (k + 1)].roll(turned))
+            total += gradients(order[batch_size * k : batch_size * (k + 1)].roll(turned))
             trainee.step(factor)
         losses.append(float(total) / count)
         on_epoch()

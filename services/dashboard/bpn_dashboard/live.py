@@ -23,6 +23,7 @@ from bpn_dashboard.registry.view import RegistryView
 from bpn_shared.backoff import Backoff
 from bpn_shared.bus.router_watch import RouterWatch
 from bpn_shared.bus.session import Bus, BusError
+from bpn_shared.messages.lease import LeaseRequest
 from bpn_shared.runtime.service import new_worker_id
 from bpn_shared.spec.config import ConfigError
 from bpn_shared.waiting import Waiting
@@ -34,7 +35,6 @@ _JOINED_WITHIN_S = 2.0
 """A router that is there is reached sooner, and the election begun."""
 _SETTLED_WITHIN_S = MISSED_S + 2.0
 """Who wants to change something waits at most so long for the election."""
-_LOOK_S = 0.05
 _LOOKING = "looking whether another dashboard serves this router"
 
 
@@ -55,6 +55,7 @@ class Live:
     topology: Topology = field(default_factory=Topology)
     trouble: str = ""
     joining_s: float = -math.inf
+    _joined: threading.Condition = field(default_factory=threading.Condition)
 
     def obstacle(self) -> str | None:
         """What keeps workers from being given work; None: nothing."""
@@ -85,15 +86,30 @@ class Live:
         Where no router is reached nobody else serves it: runs may be made, and wait for it.
         """
         deadline_s = time.monotonic() + _SETTLED_WITHIN_S
-        while self.undecided() and time.monotonic() < deadline_s:
-            time.sleep(_LOOK_S)
+        while self.undecided() and (left_s := deadline_s - time.monotonic()) > 0:
+            self._wait_decided(left_s)
         if (rival := self.read_only()) is not None:
             return rival
         return f"{self.obstacle() or _LOOKING}: try again" if self.undecided() else None
 
-    def gpus(self) -> list[bool]:
-        """Of the connected learners that have told, whether each has a GPU."""
-        return [] if self.dispatcher is None else self.dispatcher.desk.gpus()
+    def _wait_decided(self, timeout_s: float) -> None:
+        """Waits for what may make the next look another one."""
+        if (candidate := self.candidate) is not None:
+            candidate.wait_settled(timeout_s)
+            return
+        joined_s = self.joining_s + _JOINED_WITHIN_S - time.monotonic()
+        with self._joined:
+            self._joined.wait_for(lambda: self.candidate is not None, min(timeout_s, joined_s))
+
+    def take_part(self, candidate: Candidate) -> None:
+        """Joined: who serves is decided from now on."""
+        with self._joined:
+            self.candidate = candidate
+            self._joined.notify_all()
+
+    def told(self) -> list[LeaseRequest]:
+        """What the connected workers told of themselves when they asked for work."""
+        return [] if self.dispatcher is None else self.dispatcher.desk.told()
 
     def refused(self) -> list[Refused]:
         """The workers that ask for work and cannot be used."""
@@ -164,8 +180,9 @@ async def _joined(
         )  # fmt: skip
         stack.push_async_callback(asyncio.to_thread, live.dispatcher.close)
         await asyncio.to_thread(live.dispatcher.start)
-        live.candidate = Candidate(bus, name, live.dispatcher.lead, context.counters)
-        stack.push_async_callback(asyncio.to_thread, live.candidate.close)
+        candidate = Candidate(bus, name, live.dispatcher.lead, context.counters)
+        stack.push_async_callback(asyncio.to_thread, candidate.close)
+        live.take_part(candidate)
         live.bus, live.watch = bus, watch
         try:
             yield

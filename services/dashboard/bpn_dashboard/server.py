@@ -77,9 +77,11 @@ class Server(uvicorn.Server):
         if certificate is None or context is None or found in (b"", self._shown):
             return
         try:
-            # First where a pair that does not fit does no harm.
-            for taking in (ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER), context):
-                taking.load_cert_chain(certificate, self._key)
+            # First where a wrong pair does no harm; files that change meanwhile wait for the next look.
+            ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER).load_cert_chain(certificate, self._key)
+            if self._certificate_digest() != found:
+                return
+            context.load_cert_chain(certificate, self._key)
         except (OSError, ValueError) as error:  # half of it is written, or it is wrong
             if found != self._refused:
                 reason = one_line(error)

@@ -69,7 +69,7 @@ def build(
         runs=runs,
         ingest=Ingest(options.runs_dir, database, counters),
         counters=counters,
-        place=ConnectedWorkers(lambda: live.bus, live.gpus),
+        place=ConnectedWorkers(lambda: live.bus, live.told),
         topology=live.topology.snapshot,
         refusals=live.topology.refusals,
         registry=live.registry,

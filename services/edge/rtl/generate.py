@@ -15,7 +15,9 @@ from systemrdl.node import AddrmapNode, FieldNode, RegNode
 
 HERE = Path(__file__).parent
 ROOT = HERE.parents[2]
-NOTE = "from services/edge/rtl/registers.rdl by services/edge/rtl/generate.py; do not change by hand"
+NOTE = (
+    "from services/edge/rtl/registers.rdl by services/edge/rtl/generate.py; do not change by hand"
+)
 
 
 def registers() -> list[RegNode]:
@@ -26,27 +28,35 @@ def registers() -> list[RegNode]:
     return [node for node in top.children() if isinstance(node, RegNode)]
 
 
-def constants(nodes: list[RegNode]) -> str:
+def constants(hidden_units: list[RegNode]) -> str:
     """The driver's module."""
     lines = [f'"""The core\'s registers: {NOTE}."""', ""]
-    for node in nodes:
+    for node in hidden_units:
         lines.append(f"{node.inst_name} = 0x{node.raw_address_offset:03X}")
         lines += [f'"""{node.get_property("desc")}"""']
         for field in _named(node):
-            lines.append(f"{node.inst_name}_{field.inst_name.upper()} = ({field.low}, {field.width})")
-    offsets = ", ".join(f'"{node.inst_name}": {node.inst_name}' for node in nodes)
+            lines.append(
+                f"{node.inst_name}_{field.inst_name.upper()} = ({field.low}, {field.width})"
+            )
+    offsets = ", ".join(f'"{node.inst_name}": {node.inst_name}' for node in hidden_units)
     lines += ["", f"OFFSETS = {{{offsets}}}", '"""Of every register, in bytes."""', ""]
     return "\n".join(lines)
 
 
-def table(nodes: list[RegNode]) -> str:
+def table(hidden_units: list[RegNode]) -> str:
     """The page."""
-    lines = ["# Registers of the core", "", f"Written {NOTE}. Offsets in bytes, registers of 32 bits.", ""]
+    lines = [
+        "# Registers of the core",
+        "",
+        f"Written {NOTE}. Offsets in bytes, registers of 32 bits.",
+        "",
+    ]
     lines += ["| offset | register | access | what |", "|---|---|---|---|"]
-    for node in nodes:
+    for node in hidden_units:
         count = f"[{node.array_dimensions[0]}]" if node.array_dimensions else ""
         fields = "".join(
-            f"<br>{_bits(field)} `{field.inst_name}`: {field.get_property('desc')}" for field in _named(node)
+            f"<br>{_bits(field)} `{field.inst_name}`: {field.get_property('desc')}"
+            for field in _named(node)
         )
         access = "/".join(sorted({_access(field) for field in node.fields()}))
         lines.append(
@@ -69,15 +79,17 @@ def _access(field: FieldNode) -> str:
 
 
 def main() -> int:
-    nodes = registers()
+    hidden_units = registers()
     generated = {
-        HERE.parent / "bpn_edge/fpga/registers.py": constants(nodes),
-        ROOT / "docs/fpga-registers.md": table(nodes),
+        HERE.parent / "bpn_edge/fpga/registers.py": constants(hidden_units),
+        ROOT / "docs/fpga-registers.md": table(hidden_units),
     }
     check = "--check" in sys.argv
     for path, text in generated.items():
         if check and path.read_text() != text:
-            print(f"{path.relative_to(ROOT)} is not current: run {Path(__file__).relative_to(ROOT)}")
+            print(
+                f"{path.relative_to(ROOT)} is not current: run {Path(__file__).relative_to(ROOT)}"
+            )
             return 1
         if not check:
             path.write_text(text)

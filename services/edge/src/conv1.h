@@ -1,9 +1,9 @@
-// Layer 1 of the forward pass (see forward.h): dot products of pixels with signs, 77 % of all operations.
+// Layer 1 of the paper's shape (see forward.h): dot products of pixels with signs, 77 % of all operations.
 #pragma once
 
 #include <cstring>
 
-#include "packed_network.h"
+#include "layout.h"
 #include "unrolled.h"
 
 namespace bpn {
@@ -16,6 +16,7 @@ constexpr int kVectors = kBandRows + 1;
 constexpr int kRowPositions = 16;
 constexpr int kTailPositions = kConv1Size - kRowPositions;
 // Kernel row r of the band's output row v is the band's input row 4q + phase with q = v + r / 4, phase = r % 4.
+static_assert(kConv1Size == 20 && kConv1Outputs == kBlock && kConv1Stride == kTapPixels && kConv1Kernel == 8);
 constexpr int kPhaseRows = kBandRows + kConv1Kernel / kConv1Stride - 1;
 
 // A band's pixels, copied so that those which one tap meets at neighbouring positions lie side by side, and
@@ -44,7 +45,7 @@ static void copy_band(int channels, const uint8_t* observation, int y, Band& ban
 
 // The activation bits of output channels k0.. in one tile of a band, merged into `bits`.
 template <class Isa>
-void conv1_tile(const PixelLayer& layer, const Band& band, int tile, int k0,
+void conv1_tile(const PixelLayer layer, const Band& band, int tile, int k0,
                 typename Isa::Sums (&bits)[kVectors]) {
   typename Isa::Sums sums[kVectors][Isa::kOutputs] = {};
   typename Isa::Partial partial[kVectors][Isa::kOutputs];
@@ -53,13 +54,13 @@ void conv1_tile(const PixelLayer& layer, const Band& band, int tile, int k0,
       unrolled<kVectors>([&](auto v) INLINE_LAMBDA { body(v.value, k.value); });
     });
   };
-  for (int c = 0; c < layer.channels; ++c) {
+  for (int c = 0; c < layer.shape.in_channels; ++c) {
     each_sum([&](int v, int k) INLINE_LAMBDA { partial[v][k] = Isa::begin(sums[v][k]); });
     unrolled<kTapsPerChannel>([&](auto tap) INLINE_LAMBDA {
       constexpr int r = tap.value / kTapsPerRow, half = tap.value % kTapsPerRow;
       constexpr int q = r / kConv1Stride;
       const TapPixels& pixels = band.of[c][r % kConv1Stride][half];
-      const uint32_t* signs = layer.taps[c * kTapsPerChannel + tap.value] + k0;
+      const uint32_t* signs = layer.taps + (c * kTapsPerChannel + tap.value) * kConv1Outputs + k0;
       typename Isa::Pixels x[kVectors];
       unrolled<kBandRows>([&](auto v) INLINE_LAMBDA {
         x[v.value] = Isa::load(pixels.rows[q + v.value] + tile * kTapPixels);
@@ -77,10 +78,10 @@ void conv1_tile(const PixelLayer& layer, const Band& band, int tile, int k0,
 }
 
 template <class Isa>
-void conv1(const PixelLayer& layer, const uint8_t* observation, uint8_t* out) {
+void conv1(const PixelLayer layer, const uint8_t* observation, uint8_t* out) {
   Band band;
   for (int y = 0; y < kConv1Size; y += kBandRows, out += kBandRows * kConv1Size) {
-    copy_band(layer.channels, observation, y, band);
+    copy_band(layer.shape.in_channels, observation, y, band);
     uint8_t tail[kRowPositions];
     for (int tile = 0; tile < kRowPositions; tile += Isa::kLanes) {
       typename Isa::Sums bits[kVectors] = {};

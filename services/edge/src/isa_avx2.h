@@ -14,7 +14,7 @@ struct Avx2 {
   using Pixels = __m256i;
   using Signs = __m256i;
   using Sums = __m256i;
-  using Partial = __m256i;  // int16 pairs: 16 taps of 2 x 255 are 8160, far from saturation
+  using Partial = __m256i;  // int16 pairs: the 64 taps of a channel, of 2 x 255, are 32640 at most
   struct Counts {
     __m256i low, high;
   };

@@ -13,6 +13,7 @@
 #include <utility>
 #include <vector>
 
+#include "packed_network.h"
 #include "paths.h"
 
 namespace nb = nanobind;
@@ -24,7 +25,7 @@ using Array = nb::ndarray<nb::ro, nb::device::cpu>;
 using Signs = nb::ndarray<const int8_t, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
 using Thresholds = nb::ndarray<const int32_t, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
 using Bits = nb::ndarray<nb::numpy, uint8_t, nb::ndim<1>>;
-using Memory = nb::ndarray<nb::numpy, uint8_t, nb::ndim<1>>;
+using MemoryView = nb::ndarray<nb::numpy, uint8_t, nb::ndim<1>>;
 using Matrix = nb::ndarray<nb::numpy, int8_t, nb::ndim<2>>;
 using Outputs = nb::ndarray<nb::numpy, int32_t, nb::ndim<1>>;
 
@@ -35,11 +36,15 @@ Result fresh_array(std::unique_ptr<Value[]> values, std::initializer_list<size_t
   return Result(data, shape, nb::capsule(data, [](void* p) noexcept { delete[] static_cast<Value*>(p); }));
 }
 
-Bits unpacked(const void* map, int count) {
-  const auto* bytes = static_cast<const uint8_t*>(map);
+// A bit map without what fills a position's bytes.
+Bits unpacked(const uint8_t* map, const LayerShape& shape) {
+  const int positions = shape.out_size * shape.out_size, bytes = ceil_div(shape.outputs, 8);
+  const size_t count = size_t(positions) * shape.outputs;
   std::unique_ptr<uint8_t[]> bits(new uint8_t[count]);
-  for (int i = 0; i < count; ++i) bits[i] = bytes[i / 8] >> (i % 8) & 1;
-  return fresh_array<Bits>(std::move(bits), {size_t(count)});
+  uint8_t* to = bits.get();
+  for (int p = 0; p < positions; ++p, map += bytes)
+    for (int k = 0; k < shape.outputs; ++k) *to++ = map[k / 8] >> (k % 8) & 1;
+  return fresh_array<Bits>(std::move(bits), {count});
 }
 
 std::string described(const Array& array) {
@@ -51,87 +56,95 @@ std::string described(const Array& array) {
   return kind + std::to_string(dtype.bits) + "[" + shape + "]";
 }
 
+using Sizes = std::array<int, 5>;  // in_size, in_channels, kernel, stride, outputs
+
 class Network {
  public:
-  Network(const std::string& path, int channels, const std::array<Signs, kLayers>& weights,
-          const std::array<Thresholds, kLayers - 1>& thresholds)
-      : forward_(find(path)),
-        packed_(std::make_unique<PackedNetwork>()),
-        channels_(channels),
-        outputs_{kConv1Outputs, kConv2Outputs, kConv3Outputs, static_cast<int>(weights[3].shape(0)),
-                 static_cast<int>(weights[4].shape(0))},
-        fan_in_{kConv1Kernel * kConv1Kernel * channels, kConv2Kernel * kConv2Kernel * kConv1Outputs,
-                kConv3Kernel * kConv3Kernel * kConv2Outputs, kFeatures, outputs_[3]} {
-    const int nodes = outputs_[3], actions = outputs_[4];
-    bool fits = channels >= 1 && channels <= kMaxChannels && nodes >= 1 && nodes <= kMaxNodes &&
-                actions >= 1 && actions <= kMaxActions;
-    SignMatrix layers[kLayers];
-    for (int l = 0; l < kLayers; ++l) {
-      const bool last = l == kLayers - 1;
-      fits = fits && weights[l].shape(0) == size_t(outputs_[l]) && weights[l].shape(1) == size_t(fan_in_[l]) &&
-             (last || thresholds[l].shape(0) == size_t(outputs_[l]));
-      layers[l] = {weights[l].data(), last ? nullptr : thresholds[l].data(), outputs_[l], fan_in_[l]};
-    }
-    if (!fits) throw nb::value_error("the weights and thresholds have shapes of no network");
-    pack_network(channels, layers, *packed_);
-  }
+  Network(const std::string& path, bool any_shape, const std::vector<Sizes>& layers,
+          const std::vector<Signs>& weights, const std::vector<Thresholds>& thresholds)
+      : Network(path, any_shape, std::make_unique<PackedNetwork>(packed(layers, weights, thresholds))) {}
 
-  Outputs run(const Array& observation) const {
-    Activations activations;
-    compute(observation, activations);
-    return outputs(activations);
-  }
+  Outputs run(const Array& observation) const { return outputs(compute(observation)); }
 
   // Every weight and threshold that is in the memory.
   nb::tuple read_back() const {
-    std::unique_ptr<int8_t[]> signs[kLayers];
-    std::unique_ptr<int32_t[]> thresholds[kLayers];
-    ReadBack layers[kLayers];
-    for (int l = 0; l < kLayers; ++l) {
-      signs[l].reset(new int8_t[outputs_[l] * fan_in_[l]]);
-      if (l < kLayers - 1) thresholds[l].reset(new int32_t[outputs_[l]]);
-      layers[l] = {signs[l].get(), thresholds[l].get(), outputs_[l], fan_in_[l]};
+    const std::vector<LayerShape>& shapes = packed_->shapes();
+    std::vector<std::unique_ptr<int8_t[]>> signs;
+    std::vector<std::unique_ptr<int32_t[]>> thresholds;
+    std::vector<ReadBack> layers;
+    for (const LayerShape& shape : shapes) {
+      signs.emplace_back(new int8_t[size_t(shape.outputs) * fan_in(shape)]);
+      thresholds.emplace_back(&shape == &shapes.back() ? nullptr : new int32_t[shape.outputs]);
+      layers.push_back({signs.back().get(), thresholds.back().get()});
     }
-    if (!bpn::read_back(*packed_, channels_, layers))
-      throw std::runtime_error("the memory holds bits that no packing makes");
+    if (!packed_->read_back(layers)) throw std::runtime_error("the memory holds bits that no packing makes");
     nb::list weights, taus;
-    for (int l = 0; l < kLayers; ++l) {
-      weights.append(fresh_array<Matrix>(std::move(signs[l]), {size_t(outputs_[l]), size_t(fan_in_[l])}));
-      if (l < kLayers - 1) taus.append(fresh_array<Outputs>(std::move(thresholds[l]), {size_t(outputs_[l])}));
+    for (size_t l = 0; l < shapes.size(); ++l) {
+      const size_t outputs = shapes[l].outputs;
+      weights.append(fresh_array<Matrix>(std::move(signs[l]), {outputs, size_t(fan_in(shapes[l]))}));
+      if (thresholds[l]) taus.append(fresh_array<Outputs>(std::move(thresholds[l]), {outputs}));
     }
     return nb::make_tuple(weights, taus);
   }
 
-  uint64_t checksum() const { return bpn::checksum(*packed_); }
+  uint64_t checksum() const { return packed_->checksum(); }
 
   // The memory itself, for tests that damage it.
-  Memory memory() {
-    return Memory(packed_.get(), {sizeof(PackedNetwork)}, nb::find(*this));
-  }
+  MemoryView memory() { return MemoryView(packed_->memory().data(), {packed_->memory().size()}, nb::find(*this)); }
 
+  // The activation bits of all layers but the last, and the outputs.
   nb::tuple trace(const Array& observation) const {
-    Activations a;
-    compute(observation, a);
-    return nb::make_tuple(unpacked(a.conv1, kConv1Size * kConv1Size * kConv1Outputs),
-                          unpacked(a.conv2, kConv2Size * kConv2Size * kConv2Outputs),
-                          unpacked(a.conv3, kFeatures), unpacked(a.fc1, packed_->fc1.outputs), outputs(a));
+    const Activations activations = compute(observation);
+    nb::list maps;
+    for (size_t l = 0; l + 1 < packed_->shapes().size(); ++l)
+      maps.append(unpacked(activations.maps[l], packed_->shapes()[l]));
+    return nb::make_tuple(nb::tuple(maps), outputs(activations));
   }
 
  private:
-  static Forward* find(const std::string& path) {
+  Network(const std::string& path, bool any_shape, std::unique_ptr<PackedNetwork> packed)
+      : packed_(std::move(packed)) {
+    const Path& found = find(path);
+    forward_ = packed_->is_paper() && !any_shape ? found.paper : found.any;
+  }
+
+  static PackedNetwork packed(const std::vector<Sizes>& layers, const std::vector<Signs>& weights,
+                              const std::vector<Thresholds>& thresholds) {
+    std::vector<LayerShape> shapes;
+    for (const auto& [in_size, in_channels, kernel, stride, outputs] : layers) {
+      const int out_size = stride > 0 ? (in_size - kernel) / stride + 1 : 0;
+      shapes.push_back({in_size, in_channels, kernel, stride, out_size, outputs});
+    }
+    bool fits = is_chain(shapes) && weights.size() == shapes.size() && thresholds.size() + 1 == shapes.size();
+    std::vector<SignMatrix> matrices;
+    for (size_t l = 0; fits && l < shapes.size(); ++l) {
+      const size_t outputs = shapes[l].outputs, inputs = fan_in(shapes[l]);
+      const bool last = l + 1 == shapes.size();
+      fits = weights[l].shape(0) == outputs && weights[l].shape(1) == inputs &&
+             (last || thresholds[l].shape(0) == outputs);
+      matrices.push_back({weights[l].data(), last ? nullptr : thresholds[l].data()});
+    }
+    if (!fits) throw nb::value_error("the weights and thresholds have shapes of no network");
+    return PackedNetwork(shapes, matrices);
+  }
+
+  static const Path& find(const std::string& path) {
     const PathList paths = compiled_paths();
     for (int i = 0; i < paths.count; ++i)
-      if (path == paths.first[i].name && paths.first[i].supported()) return paths.first[i].forward;
+      if (path == paths.first[i].name && paths.first[i].supported()) return paths.first[i];
     throw nb::value_error(("this machine cannot run the path " + path).c_str());
   }
 
-  void compute(const Array& observation, Activations& out) const {
-    const size_t channels = packed_->conv1.channels;
+  // What it returns is the thread's, until its next run.
+  Activations compute(const Array& observation) const {
+    const LayerShape& first = packed_->shapes().front();
+    const size_t channels = first.in_channels, size = first.in_size;
     if (observation.dtype() != nb::dtype<uint8_t>() || observation.ndim() != 3 ||
-        observation.shape(0) != channels || observation.shape(1) != kImagePx ||
-        observation.shape(2) != kImagePx)
+        observation.shape(0) != channels || observation.shape(1) != size || observation.shape(2) != size) {
+      const std::string px = std::to_string(size);
       throw nb::value_error(("observation is " + described(observation) + ", the network takes uint8[" +
-                             std::to_string(channels) + ", 84, 84]").c_str());
+                             std::to_string(channels) + ", " + px + ", " + px + "]").c_str());
+    }
     const auto* pixels = static_cast<const uint8_t*>(observation.data());
     std::vector<uint8_t> copy;
     if (!is_contiguous(observation)) {
@@ -139,37 +152,38 @@ class Network {
       pixels = copy.data();
     }
     nb::gil_scoped_release without_gil;
-    forward_(*packed_, pixels, out);
+    static thread_local Memory scratch;
+    if (scratch.size() < packed_->scratch_size()) scratch = Memory(packed_->scratch_size());
+    const Activations out = packed_->activations(scratch.data());
+    forward_(packed_->layers(), pixels, out);
+    return out;
   }
 
   static bool is_contiguous(const Array& a) {
-    return a.stride(2) == 1 && a.stride(1) == kImagePx &&
-           (a.stride(0) == kImagePx * kImagePx || a.shape(0) == 1);
+    const int64_t rows = a.shape(1), columns = a.shape(2);
+    return a.stride(2) == 1 && a.stride(1) == columns && (a.stride(0) == rows * columns || a.shape(0) == 1);
   }
 
   static std::vector<uint8_t> contiguous_copy(const Array& a, const uint8_t* pixels) {
     std::vector<uint8_t> copy;
     copy.reserve(a.size());
     for (int64_t c = 0; c < int64_t(a.shape(0)); ++c)
-      for (int64_t y = 0; y < kImagePx; ++y)
-        for (int64_t x = 0; x < kImagePx; ++x)
+      for (int64_t y = 0; y < int64_t(a.shape(1)); ++y)
+        for (int64_t x = 0; x < int64_t(a.shape(2)); ++x)
           copy.push_back(pixels[c * a.stride(0) + y * a.stride(1) + x * a.stride(2)]);
     return copy;
   }
 
   Outputs outputs(const Activations& activations) const {
-    const int count = packed_->fc2.outputs;
-    std::unique_ptr<int32_t[]> o(new int32_t[count]);
-    for (int a = 0; a < count; ++a)
-      o[a] = packed_->fc2.fan_in - 2 * static_cast<int32_t>(activations.differences[a]);
-    return fresh_array<Outputs>(std::move(o), {size_t(count)});
+    const LayerShape& last = packed_->shapes().back();
+    std::unique_ptr<int32_t[]> o(new int32_t[last.outputs]);
+    for (int a = 0; a < last.outputs; ++a)
+      o[a] = fan_in(last) - 2 * static_cast<int32_t>(activations.differences[a]);
+    return fresh_array<Outputs>(std::move(o), {size_t(last.outputs)});
   }
 
-  Forward* forward_;
   std::unique_ptr<PackedNetwork> packed_;
-  int channels_;
-  int outputs_[kLayers];
-  int fan_in_[kLayers];
+  Forward* forward_;
 };
 
 std::vector<std::string> available_paths() {
@@ -187,8 +201,8 @@ NB_MODULE(_native, module) {
   nb::set_leak_warnings(false);  // a kernel that is still held when the interpreter ends is no leak
   module.def("available_paths", &bpn::available_paths);
   nb::class_<bpn::Network>(module, "Network")
-      .def(nb::init<const std::string&, int, const std::array<bpn::Signs, bpn::kLayers>&,
-                    const std::array<bpn::Thresholds, bpn::kLayers - 1>&>())
+      .def(nb::init<const std::string&, bool, const std::vector<bpn::Sizes>&, const std::vector<bpn::Signs>&,
+                    const std::vector<bpn::Thresholds>&>())
       .def("run", &bpn::Network::run)
       .def("read_back", &bpn::Network::read_back)
       .def("checksum", &bpn::Network::checksum)

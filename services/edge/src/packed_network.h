@@ -1,10 +1,13 @@
-// A policy in the layout that the forward pass reads: a fixed memory, like the block RAM of the hardware.
-// Plain arrays on purpose: the paths (see forward.h) must not share inline library code.
+// A policy in one fixed memory, like the block RAM of the hardware, and its way in and out of it.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
+#include <memory>
+#include <new>
+#include <vector>
 
-#include "geometry.h"
+#include "layout.h"
 
 namespace bpn {
 
@@ -12,61 +15,71 @@ namespace bpn {
 struct SignMatrix {
   const int8_t* signs;
   const int32_t* thresholds;
-  int outputs;
-  int fan_in;
 };
 
-// Layer 1. `taps[t][k]` are the four int8 signs of output channel k for tap t = (channel, kernel row,
-// column half). Active iff o > `floors[k]`.
-struct PixelLayer {
-  int channels;
-  uint32_t taps[kMaxChannels * kTapsPerChannel][kConv1Outputs];
-  int32_t floors[kConv1Outputs];
-};
-
-struct alignas(64) WordBlock {
-  uint64_t lane[kBlock];
-};
-struct alignas(64) LimitBlock {
-  int64_t lane[kBlock];
-};
-
-// Layers 2-5. `weights[b][w]` is word w of the outputs 8b..8b+7. With d differing bits (popcount of XOR)
-// o = fan_in - 2d, so o >= tau iff d <= `limits`; lanes beyond the last output are never active.
-template <int MaxOutputs, int MaxWords>
-struct BitLayer {
-  int outputs;
-  int fan_in;
-  int blocks;
-  int words;
-  WordBlock weights[MaxOutputs / kBlock][MaxWords];
-  LimitBlock limits[MaxOutputs / kBlock];
-};
-
-struct PackedNetwork {
-  PixelLayer conv1;
-  BitLayer<kConv2Outputs, 2> conv2;
-  BitLayer<kConv3Outputs, kConv3Kernel> conv3;  // a word for each kernel row: three pixels of 16 bits
-  BitLayer<kMaxNodes, kFeatureWords> fc1;
-  BitLayer<kMaxActions, kMaxNodes / 64> fc2;
-};
-
-// Packs five matrices, whose sizes the caller has checked, into zeroed memory.
-void pack_network(int channels, const SignMatrix (&layers)[kLayers], PackedNetwork& out);
-
-// Room for what is read back: [outputs][fan_in] and [outputs] (null for the last layer).
+// Room for what is read back: the same.
 struct ReadBack {
   int8_t* signs;
   int32_t* thresholds;
-  int outputs;
-  int fan_in;
 };
 
-// Reads five matrices, of the sizes that they were packed with, from the memory. Of the thresholds that decide
-// alike it gives the one that any of them is packed as. False: the memory holds bits that no packing makes.
-bool read_back(const PackedNetwork& packed, int channels, const ReadBack (&layers)[kLayers]);
+constexpr size_t kAlignment = 64;
 
-// Over all of the memory; two memories that differ in one bit never have the same.
-uint64_t checksum(const PackedNetwork& packed);
+// Zeroed memory at a cache line's start.
+class Memory {
+ public:
+  Memory() = default;
+  explicit Memory(size_t size);
+
+  unsigned char* data() const { return data_.get(); }
+  size_t size() const { return size_; }
+
+ private:
+  struct Free {
+    void operator()(unsigned char* memory) const { ::operator delete(memory, std::align_val_t{kAlignment}); }
+  };
+  std::unique_ptr<unsigned char, Free> data_;
+  size_t size_ = 0;
+};
+
+inline int fan_in(const LayerShape& shape) { return shape.kernel * shape.kernel * shape.in_channels; }
+
+// Whether the layers are a network's, each on the one before it, within the largest sizes (shapes.h).
+bool is_chain(const std::vector<LayerShape>& shapes);
+
+class Parts;
+
+class PackedNetwork {
+ public:
+  // The layers must be a chain, and the matrices of their sizes.
+  PackedNetwork(const std::vector<LayerShape>& shapes, const std::vector<SignMatrix>& matrices);
+
+  const std::vector<LayerShape>& shapes() const { return shapes_; }
+  const Layers& layers() const { return layers_; }
+  const Memory& memory() const { return memory_; }
+
+  // Whether only channels, hidden units and actions are other than the paper's.
+  bool is_paper() const;
+
+  // Every matrix, as it is in the memory. Of the thresholds that decide alike it gives the one that any of them is
+  // packed as. False: the memory holds bits that no packing makes.
+  bool read_back(const std::vector<ReadBack>& matrices) const;
+
+  // Over all of the memory; two memories that differ in one bit never have the same.
+  uint64_t checksum() const;
+
+  // Bytes of scratch for one run, and where in them everything lies; zeroed where they are read without being written.
+  size_t scratch_size() const { return scratch_size_; }
+  Activations activations(unsigned char* scratch) const;
+
+ private:
+  Activations laid_out(Parts& parts) const;
+
+  std::vector<LayerShape> shapes_;
+  Layers layers_{};
+  Memory memory_;
+  std::vector<size_t> map_bytes_;
+  size_t scratch_size_ = 0;
+};
 
 }  // namespace bpn

@@ -3,8 +3,12 @@
 
 namespace bpn {
 
-void forward_avx2(const PackedNetwork& network, const uint8_t* observation, Activations& out) {
-  forward<Avx2>(network, observation, out);
+void paper_avx2(const Layers& network, const uint8_t* observation, const Activations& out) {
+  forward_paper<Avx2>(network, observation, out);
+}
+
+void any_avx2(const Layers& network, const uint8_t* observation, const Activations& out) {
+  forward_any<Avx2>(network, observation, out);
 }
 
 }  // namespace bpn

@@ -42,8 +42,12 @@ struct Avx512Vnni {
 
 }  // namespace
 
-void forward_avx512_vnni(const PackedNetwork& network, const uint8_t* observation, Activations& out) {
-  forward<Avx512Vnni>(network, observation, out);
+void paper_avx512_vnni(const Layers& network, const uint8_t* observation, const Activations& out) {
+  forward_paper<Avx512Vnni>(network, observation, out);
+}
+
+void any_avx512_vnni(const Layers& network, const uint8_t* observation, const Activations& out) {
+  forward_any<Avx512Vnni>(network, observation, out);
 }
 
 }  // namespace bpn

@@ -12,8 +12,12 @@ struct AvxVnni : Avx2 {
 
 }  // namespace
 
-void forward_avx_vnni(const PackedNetwork& network, const uint8_t* observation, Activations& out) {
-  forward<AvxVnni>(network, observation, out);
+void paper_avx_vnni(const Layers& network, const uint8_t* observation, const Activations& out) {
+  forward_paper<AvxVnni>(network, observation, out);
+}
+
+void any_avx_vnni(const Layers& network, const uint8_t* observation, const Activations& out) {
+  forward_any<AvxVnni>(network, observation, out);
 }
 
 }  // namespace bpn

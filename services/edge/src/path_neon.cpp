@@ -12,7 +12,7 @@ struct Neon {
   using Pixels = uint8x16_t;
   using Signs = int16x8_t;
   using Sums = int32x4_t;
-  struct Partial {  // int16 pairs: 16 taps of 2 x 255 are 8160, far from overflow
+  struct Partial {  // int16: the 64 taps of a channel, of 255, are 16320 at most
     int16x8_t low, high;
   };
   struct Counts {
@@ -65,8 +65,12 @@ struct Neon {
 
 }  // namespace
 
-void forward_neon(const PackedNetwork& network, const uint8_t* observation, Activations& out) {
-  forward<Neon>(network, observation, out);
+void paper_neon(const Layers& network, const uint8_t* observation, const Activations& out) {
+  forward_paper<Neon>(network, observation, out);
+}
+
+void any_neon(const Layers& network, const uint8_t* observation, const Activations& out) {
+  forward_any<Neon>(network, observation, out);
 }
 
 }  // namespace bpn

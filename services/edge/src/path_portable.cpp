@@ -1,5 +1,6 @@
 // Plain C++ for any processor.
-#include "forward.h"
+#include "any_shape.h"
+#include "paths.h"
 
 namespace bpn {
 namespace {
@@ -61,8 +62,8 @@ struct Portable {
 
 }  // namespace
 
-void forward_portable(const PackedNetwork& network, const uint8_t* observation, Activations& out) {
-  forward<Portable>(network, observation, out);
+void any_portable(const Layers& network, const uint8_t* observation, const Activations& out) {
+  forward_any<Portable>(network, observation, out);
 }
 
 }  // namespace bpn

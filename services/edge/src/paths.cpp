@@ -19,13 +19,13 @@ bool has_avx2() { return __builtin_cpu_supports("avx2"); }
 
 constexpr Path kPaths[] = {
 #if defined(__x86_64__)
-    {"avx512-vnni", has_avx512_vnni, forward_avx512_vnni},
-    {"avx-vnni", has_avx_vnni, forward_avx_vnni},
-    {"avx2", has_avx2, forward_avx2},
+    {"avx512-vnni", has_avx512_vnni, paper_avx512_vnni, any_avx512_vnni},
+    {"avx-vnni", has_avx_vnni, paper_avx_vnni, any_avx_vnni},
+    {"avx2", has_avx2, paper_avx2, any_avx2},
 #elif defined(__aarch64__)
-    {"neon", always, forward_neon},
+    {"neon", always, paper_neon, any_neon},
 #endif
-    {"portable", always, forward_portable},
+    {"portable", always, any_portable, any_portable},
 };
 
 }  // namespace

@@ -3,26 +3,17 @@
 
 #include <cstdint>
 
-#include "packed_network.h"
+#include "layout.h"
 
 namespace bpn {
 
-// Activation bits (1 = +1) in the order (row, column, channel), and the differing bits d of fc2's outputs.
-// What is read as words is kept in words; conv1 and conv2 end in padding, as they are read 8 bytes at a time.
-struct Activations {
-  uint8_t conv1[kConv1Size * kConv1Size + 8];
-  uint8_t conv2[kConv2Size * kConv2Size * kConv2Outputs / 8 + 8];
-  uint64_t conv3[kFeatureWords];
-  uint64_t fc1[kMaxNodes / 64];
-  int64_t differences[kMaxActions];
-};
-
-using Forward = void(const PackedNetwork& network, const uint8_t* observation, Activations& out);
+using Forward = void(const Layers& network, const uint8_t* observation, const Activations& out);
 
 struct Path {
   const char* name;
   bool (*supported)();  // by this processor and its operating system
-  Forward* forward;
+  Forward* paper;       // for the paper's shape alone
+  Forward* any;
 };
 
 // All compiled paths, best first; the last one runs anywhere.
@@ -32,10 +23,10 @@ struct PathList {
 };
 PathList compiled_paths();
 
-Forward forward_avx512_vnni;
-Forward forward_avx_vnni;
-Forward forward_avx2;
-Forward forward_neon;
-Forward forward_portable;
+Forward paper_avx512_vnni, any_avx512_vnni;
+Forward paper_avx_vnni, any_avx_vnni;
+Forward paper_avx2, any_avx2;
+Forward paper_neon, any_neon;
+Forward any_portable;  // faster than the paper's there
 
 }  // namespace bpn

@@ -7,7 +7,7 @@ from collections.abc import Callable, Container
 from bpn_learner.callbacks import EvaluationEnd
 from bpn_learner.ledger import PROVE_S
 from bpn_learner.reward import episode_rewards
-from bpn_learner.trials import EVALUATION, Trials
+from bpn_learner.trials import EVALUATION, TrialLedger
 from bpn_shared.bnn.weights import Weights
 from bpn_shared.messages.control import (
     Assignment,
@@ -42,7 +42,7 @@ class Evaluations:
     ) -> None:
         self._config, self._alive, self._waiting = config, alive, waiting
         self._prove = prove
-        self._now: Trials | None = None
+        self._now: TrialLedger | None = None
 
     def play(
         self, iteration: int, weights: Weights, episodes: int, stop: threading.Event
@@ -54,7 +54,7 @@ class Evaluations:
             InputError: the rewards of one cannot be told.
             OwnershipLostError: another learner has taken the run over.
         """
-        trials = Trials(
+        trials = TrialLedger(
             self._config,
             weights,
             count=episodes,

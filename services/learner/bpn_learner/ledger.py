@@ -13,7 +13,7 @@ from collections.abc import Callable, Container
 
 from bpn_learner.episodes import EpisodeError, Scored, load_episodes, score
 from bpn_learner.lease import Lease
-from bpn_learner.refusals import EpisodeImpossibleError, Refusals
+from bpn_learner.refusals import EpisodeImpossibleError, EpisodeRefusals
 from bpn_learner.storage import StorageError, trouble
 from bpn_shared.counters import Counters
 from bpn_shared.messages.base import MessageError, OtherVersionError
@@ -67,7 +67,7 @@ class EpisodeLedger:
         self._stored: dict[int, Scored] = {}
         self._leases: dict[int, Lease] = {}
         self._lags: list[int] = []
-        self._refusals = Refusals()
+        self._refusals = EpisodeRefusals()
         self._obstacle = ""
         self._failure: Exception | None = None
         self.redelivered = 0
@@ -89,7 +89,7 @@ class EpisodeLedger:
             self._iteration, self._oldest_attempt = iteration, oldest_attempt
             self._stored, self._leases = stored, {}
             self._lags = []
-            self._refusals, self._obstacle = Refusals(), ""
+            self._refusals, self._obstacle = EpisodeRefusals(), ""
             self._collecting = True
             self._changed.notify_all()
 

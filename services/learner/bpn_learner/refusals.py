@@ -17,7 +17,7 @@ class _Tally:
     in_all: int = 0
 
 
-class Refusals:
+class EpisodeRefusals:
     """Of one iteration's episodes, or one evaluation's: how often each was refused, and why."""
 
     def __init__(self) -> None:

@@ -5,6 +5,7 @@ import logging
 from collections.abc import Mapping
 from pathlib import Path
 
+from bpn_learner.callbacks.extras import usable_callbacks
 from bpn_learner.checkpoint import CheckpointError
 from bpn_learner.episodes import DataError
 from bpn_learner.evaluations import Evaluations
@@ -18,6 +19,7 @@ from bpn_learner.reward import function_of
 from bpn_learner.storage import StorageError, StorageStopped, insist
 from bpn_learner.training import Training
 from bpn_learner.update import DivergenceError
+from bpn_shared import plugins
 from bpn_shared.bnn.weights import Weights
 from bpn_shared.bus import keys
 from bpn_shared.bus.liveliness import Alive
@@ -28,9 +30,11 @@ from bpn_shared.bus.router_watch import GIVE_UP_AFTER_S
 from bpn_shared.bus.weights import WeightsPublisher
 from bpn_shared.messages.control import Fault, NextEpisode
 from bpn_shared.plugins import PluginError
+from bpn_shared.runs.config_file import encode_config
 from bpn_shared.runs.folder import RunFolder, State
 from bpn_shared.runs.ownership import Ownership
 from bpn_shared.runtime.entry import argument_parser, natural, run_worker
+from bpn_shared.runtime.leased import Abilities
 from bpn_shared.runtime.watchdog import EPISODES_STORED, EPOCHS_DONE
 from bpn_shared.runtime.worker import EXIT_FINISHED, EXIT_UNRECOVERABLE, Worker, service_names
 from bpn_shared.spec.config import ConfigError
@@ -123,7 +127,7 @@ def _train(worker: Worker, owner: Ownership) -> None:
         return (evaluations.fault(told) or ledger.fault(told)).encode()
 
     def configuration(_body: bytes) -> bytes:
-        return config.model_dump_json().encode()
+        return encode_config(config)
 
     weights = WeightsPublisher(worker.bus, worker.run)
 
@@ -192,5 +196,12 @@ def main(argv: list[str] | None = None) -> int:
         options,
         lambda worker: serve(worker, options.runs_dir),
         holds_on_s=options.give_up_after,
-        gpu=has_gpu(),
+        abilities=Abilities(
+            gpu=has_gpu(),
+            plugins={
+                plugins.CALLBACKS.name: usable_callbacks(),
+                plugins.REWARDS.name: plugins.names(plugins.REWARDS),
+                plugins.TARGETS.name: plugins.names(plugins.TARGETS),
+            },
+        ),
     )

@@ -4,7 +4,7 @@ import threading
 from collections.abc import Container
 
 from bpn_learner.lease import Lease
-from bpn_learner.refusals import Refusals
+from bpn_learner.refusals import EpisodeRefusals
 from bpn_shared.bnn.weights import Weights
 from bpn_shared.messages.base import MessageError, OtherVersionError
 from bpn_shared.messages.control import (
@@ -16,17 +16,19 @@ from bpn_shared.messages.control import (
     NextEpisode,
 )
 from bpn_shared.messages.episode import Episode, EpisodeMeta, decode_meta
-from bpn_shared.spec.config import Policy, RunConfig
+from bpn_shared.spec.algorithms import EPSILON_GREEDY, SOFTMAX
+from bpn_shared.spec.config import RunConfig
 from bpn_shared.spec.seeds import episode_seed
 
 EVALUATION = 2**31
 """Trials have this or more in the place of the iteration, so that none is an episode of the training."""
 
-POLICIES: dict[str, tuple[Policy, float]] = {
-    "greedy": ("epsilon_greedy", 0.0),
-    "random": ("epsilon_greedy", 1.0),
-    "softmax": ("softmax", 0.0),
+POLICIES: dict[str, tuple[str, float]] = {
+    "greedy": (EPSILON_GREEDY, 0.0),
+    "random": (EPSILON_GREEDY, 1.0),
+    "softmax": (SOFTMAX, 0.0),
 }
+"""Selection and epsilon; every edge has them, whatever a run's algorithm is."""
 
 
 class Everybody:
@@ -36,7 +38,7 @@ class Everybody:
         return True
 
 
-class Trials:
+class TrialLedger:
     """Some trials of one policy: handed out, taken, kept in memory. Its methods may be called from any thread.
 
     Args:
@@ -72,7 +74,7 @@ class Trials:
         self._episodes: dict[int, Episode] = {}
         self._held: dict[int, tuple[int, Lease]] = {}  # by slot: the trial that it plays
         self._in_hand: dict[int, tuple[int, Lease]] = {}  # by slot: what it has played and delivers
-        self._refusals = Refusals()
+        self._refusals = EpisodeRefusals()
         self.over, self.failure = threading.Event(), ""
 
     @property

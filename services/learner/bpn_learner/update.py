@@ -2,23 +2,23 @@
 
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager, nullcontext
-from dataclasses import dataclass
-from typing import Self
+from dataclasses import dataclass, field
+from typing import Any, Self
 
 import numpy as np
 import torch
 from torch import Tensor
 
 from bpn_learner.calibrate import reestimate_batch_norm
-from bpn_learner.cvi import cvi_target, dqn_target
-from bpn_learner.group import ALONE, Group
+from bpn_learner.group import SINGLE_PROCESS, Group
 from bpn_learner.minibatch import minibatch_gradients
 from bpn_learner.networks import BinaryNetwork, PNetwork
-from bpn_learner.transitions import Transitions, gathered
-from bpn_shared.spec.algorithms import UpdateKind
-from bpn_shared.spec.config import Engine, RunConfig
+from bpn_learner.targets import TargetInputs, target_values
+from bpn_learner.transitions import Transitions, gather_observations
+from bpn_shared.spec.config import RunConfig
+from bpn_shared.spec.sections import Backend
 
 EVALUATION_BATCH = 256
 SCALE_RATE_FACTOR = 3.0
@@ -37,31 +37,33 @@ class DivergenceError(ArithmeticError):
 
 
 @dataclass(frozen=True, slots=True)
-class PolicyUpdate:
+class UpdateConfig:
     """Table I of the paper, and what it leaves open.
 
     Attributes:
         epochs: C.
-        batch: B, at least 2.
-        target: "cvi" (BPN, CVI, DPP) or "dqn" (BQN, DQN).
-        mask_terminals: no bootstrap from terminal states; Algorithm 1 as printed bootstraps from every s'.
+        batch_size: B, at least 2.
+        target: the targets' plug-in, such as "cvi" (BPN, CVI, DPP) or "dqn" (BQN, DQN).
+        options: the algorithm's own.
+        bootstrap_terminals: from terminal states too, as Algorithm 1 as printed does from every s'.
         relative_targets: y less its mean over D, see `targets`.
         learning_rate_share: of the optimizer's learning rate, in this update's first epoch.
-        learning_rate_final: of that, in the last epoch; in between it falls along a cosine.
-        engine: what computes the minibatches' gradients, see `minibatch_gradients`.
+        lr_update_final_factor: of that, in the last epoch; in between it falls along a cosine.
+        backend: what computes the minibatches' gradients, see `minibatch_gradients`.
     """
 
     alpha: float = 0.95
     beta: float = 1.0
     gamma: float = 0.99
     epochs: int = 50
-    batch: int = 32
-    target: UpdateKind = "cvi"
-    mask_terminals: bool = False
+    batch_size: int = 32
+    target: str = "cvi"
+    options: Mapping[str, Any] = field(default_factory=dict)
+    bootstrap_terminals: bool = True
     relative_targets: bool = False
     learning_rate_share: float = 1.0
-    learning_rate_final: float = 1.0
-    engine: Engine = "fast"
+    lr_update_final_factor: float = 1.0
+    backend: Backend = "native"
 
     @classmethod
     def of_iteration(cls, config: RunConfig, iteration: int) -> Self:
@@ -71,22 +73,23 @@ class PolicyUpdate:
             beta=config.beta,
             gamma=config.gamma,
             epochs=config.epochs,
-            batch=config.batch,
-            target=config.algorithm_spec.update,
-            mask_terminals=config.mask_terminals,
+            batch_size=config.batch_size,
+            target=config.algorithm_spec.targets,
+            options=config.own_options,
+            bootstrap_terminals=config.bootstrap_terminals,
             relative_targets=config.relative_targets,
             learning_rate_share=config.learning_rate_share(iteration),
-            learning_rate_final=config.learning_rate_final,
-            engine=config.engine,
+            lr_update_final_factor=config.lr_update_final_factor,
+            backend=config.backend,
         )
 
 
 @dataclass(frozen=True, eq=False)
-class Regression:
+class RegressionBatch:
     """What the minibatches of an update fit P to.
 
     Attributes:
-        frames: uint8[m, c, 84, 84].
+        frames: uint8[m, c, rows, columns].
         observations: int64[n, frames_stacked], frame indices as in `Transitions`.
         actions: int64[n].
         y: float32[n], the target of P(s, a).
@@ -98,7 +101,7 @@ class Regression:
     y: Tensor
 
 
-Gather = Callable[[Regression], AbstractContextManager[Group]]
+Gather = Callable[[RegressionBatch], AbstractContextManager[Group]]
 """Finds the learners that share an update, and tells them what to fit."""
 
 
@@ -143,10 +146,10 @@ def policy_update(
     network: PNetwork,
     optimizer: torch.optim.Optimizer,
     transitions: Transitions,
-    settings: PolicyUpdate,
+    settings: UpdateConfig,
     rng: np.random.Generator,
     *,
-    gather: Gather = lambda _: nullcontext(ALONE),
+    gather: Gather = lambda _: nullcontext(SINGLE_PROCESS),
     progress: Callable[[int, int], None] | None = None,
     stop: Callable[[], bool] | None = None,
 ) -> UpdateReport:
@@ -170,10 +173,12 @@ def policy_update(
     started = time.perf_counter()
     device = next(network.parameters()).device
     transitions = transitions.to(device)
-    minibatches = minibatches_per_epoch(len(transitions), settings.batch)
+    minibatches = minibatches_per_epoch(len(transitions), settings.batch_size)
     P_target, P_next = target_preferences(network, transitions)
     y, offset = targets(transitions, P_target, P_next, settings, float(network.offset))
-    regression = Regression(transitions.frames, transitions.observations, transitions.actions, y)
+    regression = RegressionBatch(
+        transitions.frames, transitions.observations, transitions.actions, y
+    )
     with gather(regression) as group:
         losses = fit(
             network, optimizer, regression, settings, rng, group=group, progress=progress, stop=stop
@@ -182,7 +187,7 @@ def policy_update(
     network.offset.fill_(offset)
 
     if isinstance(network, BinaryNetwork):
-        observations = gathered(transitions.frames, transitions.observations)
+        observations = gather_observations(transitions.frames, transitions.observations)
         reestimate_batch_norm(network, observations, EVALUATION_BATCH)
     return UpdateReport(
         loss_first=losses[0],
@@ -199,11 +204,11 @@ def policy_update(
 def fit(
     network: PNetwork,
     optimizer: torch.optim.Optimizer,
-    regression: Regression,
-    settings: PolicyUpdate,
+    regression: RegressionBatch,
+    settings: UpdateConfig,
     rng: np.random.Generator,
     *,
-    group: Group = ALONE,
+    group: Group = SINGLE_PROCESS,
     progress: Callable[[int, int], None] | None = None,
     stop: Callable[[], bool] | None = None,
 ) -> list[float]:
@@ -212,11 +217,11 @@ def fit(
     Returns:
         The mean loss of every epoch.
     """
-    B, size = settings.batch, len(regression.actions)
+    B, size = settings.batch_size, len(regression.actions)
     minibatches = minibatches_per_epoch(size, B)
-    observations = gathered(regression.frames, regression.observations)
+    observations = gather_observations(regression.frames, regression.observations)
     gradients = minibatch_gradients(
-        settings.engine, network, observations, regression.actions, regression.y, group=group
+        settings.backend, network, observations, regression.actions, regression.y, group=group
     )
     losses: list[float] = []
 
@@ -237,14 +242,14 @@ def fit(
     return losses
 
 
-def annealing(epoch: int, settings: PolicyUpdate) -> float:
+def annealing(epoch: int, settings: UpdateConfig) -> float:
     """The learning rate's factor in an epoch: a cosine from `learning_rate_share` down.
 
     Binary weights keep flipping as long as the rate is high. What the last flips leave is the policy that
     the robots run, so they have to become few before an update ends.
     """
     progress = epoch / max(1, settings.epochs - 1)
-    final = settings.learning_rate_final
+    final = settings.lr_update_final_factor
     cosine = final + (1 - final) * (1 + math.cos(math.pi * progress)) / 2
     return settings.learning_rate_share * cosine
 
@@ -280,7 +285,7 @@ def target_preferences(network: PNetwork, transitions: Transitions) -> tuple[Ten
 
 @torch.no_grad()
 def preferences(network: PNetwork, observations: Tensor) -> Tensor:
-    """P(s, .) of the evaluated network: uint8[n, C, 84, 84] to float32[n, |A|]."""
+    """P(s, .) of the evaluated network: uint8[n, C, rows, columns] to float32[n, |A|]."""
     network.eval()
     return torch.cat(
         [network(part.float()) for part in torch.split(observations, EVALUATION_BATCH)]
@@ -291,16 +296,17 @@ def targets(
     transitions: Transitions,
     P_target: Tensor,
     P_next: Tensor,
-    settings: PolicyUpdate,
+    settings: UpdateConfig,
     offset: float = 0.0,
 ) -> tuple[Tensor, float]:
     """Target y of every transition in D from P-(s, .) and P-(s', .), and what the next P leaves out.
 
     With `relative_targets` the network learns y less its mean over D, as in relative value iteration (White,
     1963), and the mean becomes the offset c that all its preferences lack. Added to all of P-, c only adds gamma c
-    to CVI's y and DQN's, so no policy changes. What changes is that the values' common offset, which a reward of
-    one sign lets grow by about E[r] every iteration, need not be expressed by a network that has no bias and
-    +-N steps of lambda for offset and differences together. Beside relative values a terminal's 0 is -c.
+    to CVI's y and DQN's (targets of one's own have to see to that), so no policy changes. What changes is that the
+    values' common offset, which a reward of one sign lets grow by about E[r] every iteration, need not be
+    expressed by a network that has no bias and +-N steps of lambda for offset and differences together. Beside
+    relative values a terminal's 0 is -c.
 
     Args:
         offset: c of P-.
@@ -309,15 +315,10 @@ def targets(
         y: float32[n].
         offset: c of the network that learns y; 0 without `relative_targets`.
     """
-    done = transitions.done if settings.mask_terminals else None
+    done = transitions.done if not settings.bootstrap_terminals else None
     reward, gamma = transitions.rewards, settings.gamma
-    if settings.target == "dqn":
-        y = dqn_target(reward, P_next, gamma=gamma, done=done, terminal=-offset)
-    else:
-        y = cvi_target(
-            reward, P_target, transitions.actions, P_next,
-            alpha=settings.alpha, beta=settings.beta, gamma=gamma, done=done, terminal=-offset,
-        )  # fmt: skip
+    data = TargetInputs(reward, transitions.actions, P_target, P_next, done, -offset)
+    y = target_values(settings.target, data, settings)
     if not settings.relative_targets:
         return y, 0.0
     mean = y.mean()

@@ -11,6 +11,7 @@ import time
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
+from math import isqrt
 
 import numpy as np
 
@@ -30,6 +31,7 @@ from bpn_shared.runtime.faults import FaultReporter
 from bpn_shared.runtime.worker import EXIT_FINISHED, Worker
 from bpn_shared.spec.config import RunConfig
 from bpn_shared.spec.observation import changes
+from bpn_shared.spec.seeds import latency_uniforms
 
 log = logging.getLogger(__name__)
 
@@ -56,7 +58,8 @@ class RobotService:
     def __init__(self, worker: Worker, config: RunConfig, robot: Robot) -> None:
         self._worker, self._config, self._robot = worker, config, robot
         self._task = config.task_spec
-        self._delay_ns = round(config.action_delay_ms * 1e6)
+        self._delays_ns: list[int] = []
+        """Of this episode's actions, from their arrival until they act."""
         self._in_flight: deque[Answer] = deque()
         """Realtime: arrived, and yet to act."""
         self._frames = LatestPublisher(worker.bus, keys.frame(worker.run, worker.slot), "frame")
@@ -144,6 +147,7 @@ class RobotService:
         frame = robot.reset(reset.seed)
         pixels, blind = frame.tobytes(), is_flat(frame)
         self._in_flight.clear()
+        self._delays_ns = self._drawn_delays_ns(reset.seed)
         self._seen.extend([pixels] * self._task.frames_stacked)
         kind, step, applied, loop_ns, misses = FrameKind.FIRST, 0, NO_ACTION, 0, 0
         reward = NO_REWARD
@@ -206,7 +210,7 @@ class RobotService:
         start_s, end_ns = header.t_capture_ns / 1e9, header.t_capture_ns + round(period_s * 1e9)
         self._send(header, pixels)
         answer = self._receive(header, end_ns / 1e9, self._ends_now)
-        if answer is not None and answer.t_act_ns - self._delay_ns < end_ns:
+        if answer is not None and answer.t_act_ns - self._delays_ns[header.step] < end_ns:
             self._in_flight.append(answer)
         acting = self._due(end_ns)
         if acting is None:
@@ -218,6 +222,11 @@ class RobotService:
             self._robot.advance(period_s - before_s)
         self._worker.stop.wait(max(0.0, start_s + period_s - time.monotonic()))
         return acting
+
+    def _drawn_delays_ns(self, seed: int) -> list[int]:
+        low_ms, high_ms = self._task.disturbances.get("latency", (0.0, 0.0))
+        jitter_ms = low_ms + (high_ms - low_ms) * latency_uniforms(seed, self._config.steps)
+        return [round((self._config.action_delay_ms + ms) * 1e6) for ms in jitter_ms.tolist()]
 
     def _due(self, end_ns: int) -> Answer | None:
         """Takes the oldest action in flight if it acts before then; one in a period, as the robot does."""
@@ -257,7 +266,8 @@ class RobotService:
         if (action.reset_id, action.step) != (header.reset_id, header.step):
             self._worker.counters.add("actions_for_other_frames")
             return None
-        return Answer(action.action, header.t_capture_ns, sample.t_receive_ns + self._delay_ns)
+        t_act_ns = sample.t_receive_ns + self._delays_ns[header.step]
+        return Answer(action.action, header.t_capture_ns, t_act_ns)
 
     def _send(self, header: FrameHeader, pixels: bytes) -> None:
         self._frames.put(pixels, header.encode())
@@ -282,6 +292,7 @@ def _preview(item: tuple[FrameHeader, tuple[bytes, ...]]) -> tuple[bytes, bytes]
         episode=header.episode,
         step=header.step,
         t_capture_unix_ns=time.time_ns() - (time.monotonic_ns() - header.t_capture_ns),
+        frame_px=isqrt(len(frames[0]) // header.channels),
     )
     return b"".join(frames), preview.encode()
 

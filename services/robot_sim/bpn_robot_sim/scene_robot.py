@@ -23,6 +23,7 @@ class SceneRobot:
 
     truncated = False
     success = None
+    has_backlash = True
 
     def __init__(self, task: TaskSpec, physics: Physics, camera: str, actions: Sized) -> None:
         if task.actions != len(actions):
@@ -31,7 +32,7 @@ class SceneRobot:
             )
         self.task = task
         self._physics = physics
-        self._camera = Camera(physics.model, camera, task.frame_channels)
+        self._camera = Camera(physics.model, camera, task.frame_channels, task.frame_px)
 
     def frame(self) -> Frame:
         return self._camera.render(self._physics.data)

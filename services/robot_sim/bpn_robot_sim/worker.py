@@ -4,10 +4,12 @@ from functools import partial
 
 from bpn_robot.service import serve
 from bpn_robot_sim.probe import answer
+from bpn_shared import plugins
 from bpn_shared.bus import keys
 from bpn_shared.errors import InputError
 from bpn_shared.runtime.entry import run_slot_worker, slot_options, slot_parser
 from bpn_shared.runtime.gym_modules import add_gym_modules, allow_here, allowed_modules
+from bpn_shared.runtime.leased import Abilities
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -21,5 +23,9 @@ def main(argv: list[str] | None = None) -> int:
         parser.error(str(error))
     allow_here(allowed)
     return run_slot_worker(
-        "robot_sim", options, serve, {keys.probe(): partial(answer, allowed=allowed)}
+        "robot_sim",
+        options,
+        serve,
+        {keys.probe(): partial(answer, allowed=allowed)},
+        Abilities(plugins={plugins.ROBOTS.name: plugins.names(plugins.ROBOTS)}),
     )

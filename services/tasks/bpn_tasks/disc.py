@@ -10,6 +10,8 @@ _RADIUS_WEIGHT = 1.0
 _DAMPING = 1e-3
 _MAX_STEPS = 30
 _CONVERGED_PX = 1e-3
+_MAX_FITS = 5
+_OFF_CIRCLE_PX = 1.5
 _EDGE_INSET_PX = 0.4
 """The centres of a disc's outermost pixels are this much nearer to its centre than its edge, on average."""
 
@@ -34,10 +36,47 @@ def disc_centre_px(mask: npt.NDArray[np.uint8], radius_px: float) -> tuple[float
     outward = _cut_towards(mask)
     if not outward.any():
         return float(centroid[0]), float(centroid[1])
-    edge_y, edge_x = np.nonzero(mask - cv2.erode(mask, _CROSS))  # the image's border is no edge
-    edge = np.stack([edge_x, edge_y], axis=1).astype(np.float64)
-    x_px, y_px = _fitted(edge, centroid + outward * radius_px / 2, radius_px - _EDGE_INSET_PX)
-    return x_px, y_px
+    guess = centroid + outward * radius_px / 2
+    centre, _ = _fitted(_edge(mask), guess, radius_px - _EDGE_INSET_PX)
+    return float(centre[0]), float(centre[1])
+
+
+def fitted_disc(mask: npt.NDArray[np.uint8], radius_px: float) -> tuple[float, float, float]:
+    """The centre (x, y) of the disc in a mask whose edge is not to be trusted everywhere, and how round it is.
+
+    As `disc_centre_px`, but edge pixels that lie off the circle are left out and it is fitted again. Whole discs
+    are fitted too: what sticks out of one would move its centroid.
+
+    Args:
+        mask: uint8[h, w] of 0 and 1, not all 0.
+        radius_px: the expected radius.
+
+    Returns:
+        x, y, and the share 0..1 of the edge that is on the circle.
+    """
+    edge = _edge(mask)
+    if len(edge) == 0:  # it fills the image
+        return (mask.shape[1] - 1) / 2, (mask.shape[0] - 1) / 2, 0.0
+    moments = cv2.moments(mask, binaryImage=True)
+    centroid = np.array([moments["m10"], moments["m01"]]) / moments["m00"]
+    guess = centroid + _cut_towards(mask) * radius_px / 2
+    on_circle = np.ones(len(edge), np.bool_)
+    for _ in range(_MAX_FITS):
+        guess, radius = _fitted(edge[on_circle], guess, radius_px - _EDGE_INSET_PX)
+        misses_px = np.abs(np.linalg.norm(edge - guess, axis=1) - radius)
+        # at first the worst would move the circle itself: the better half decides what is far from it
+        far_px = max(_OFF_CIRCLE_PX, 2 * float(np.median(misses_px)))
+        before, on_circle = on_circle, misses_px <= far_px
+        if (on_circle == before).all():
+            break
+    share = float((misses_px <= _OFF_CIRCLE_PX).mean())
+    return float(guess[0]), float(guess[1]), share
+
+
+def _edge(mask: npt.NDArray[np.uint8]) -> npt.NDArray[np.float64]:
+    """The outermost pixels (x, y), float64[n, 2]; the image's border is no edge."""
+    edge_y, edge_x = np.nonzero(mask - cv2.erode(mask, _CROSS))
+    return np.stack([edge_x, edge_y], axis=1).astype(np.float64)
 
 
 def _cut_towards(mask: npt.NDArray[np.uint8]) -> npt.NDArray[np.float64]:
@@ -49,8 +88,8 @@ def _cut_towards(mask: npt.NDArray[np.uint8]) -> npt.NDArray[np.float64]:
 
 def _fitted(
     edge: npt.NDArray[np.float64], centre: npt.NDArray[np.float64], expected_radius_px: float
-) -> list[float]:
-    """The circle's centre by least squares; edge float64[n, 2], centre float64[2] to begin with."""
+) -> tuple[npt.NDArray[np.float64], float]:
+    """The circle's centre and radius by least squares; edge float64[n, 2], centre float64[2] to begin with."""
     radius = expected_radius_px
     for _ in range(_MAX_STEPS):
         offsets = centre - edge
@@ -64,4 +103,4 @@ def _fitted(
         centre, radius = centre + step[:2], radius + step[2]
         if np.abs(step).max() < _CONVERGED_PX:
             break
-    return [float(value) for value in centre]
+    return centre, float(radius)

@@ -1,13 +1,12 @@
-"""The weight blob: one binarized policy as bytes, about 11 KB, the form in which it travels and rests.
+"""The weight blob: one binarized policy as bytes, about 12 KB, the form in which it travels and rests.
 
-Little-endian. Header (40 bytes): magic, schema version, C, N, |A|, run, attempt, version, lambda; then for
-each layer its signs (bit 1 = +1, order out, kernel row, kernel column, in; each layer padded with zero
-bits to a whole byte); then the thresholds of layers 1-4 as int32; then the SHA-256 of all before it.
+docs/weight-blob.md defines it, schema 2, which is written, and schema 1, which is read for ever; whoever changes
+something here changes that page, from which others write their own decoders.
 """
 
 import hashlib
 import struct
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Self
 from uuid import UUID
@@ -15,7 +14,7 @@ from uuid import UUID
 import numpy as np
 import numpy.typing as npt
 
-from bpn_shared.bnn.envelope import NO_RUN, BlobError, Envelope, Header, check_provenance
+from bpn_shared.bnn.envelope import NO_RUN, BlobError, Envelope, Header, aligned, check_provenance
 from bpn_shared.spec.network import Layer, NetworkSpec
 
 Signs = npt.NDArray[np.int8]
@@ -24,7 +23,8 @@ Parameters = dict[str, npt.NDArray[Any]]
 """Of a policy, by name."""
 
 MAGIC = b"BPNW"
-_ENVELOPE = Envelope("weight blob", MAGIC, schema=1, own="f")
+_ENVELOPE = Envelope("weight blob", MAGIC, own="f")
+_WORD_BITS = 32
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,8 +33,8 @@ class WeightBlob:
 
     Attributes:
         weights: per layer int8[out, fan_in] of -1 and +1 (see `Layer.weight_shape`).
-        thresholds: tau of layers 1-4, int32[out]; the activation is +1 iff o >= tau.
-        scale: lambda of P = lambda * o_5, a finite float32 above 0.
+        thresholds: tau of all layers but the last, int32[out]; the activation is +1 iff o >= tau.
+        scale: lambda of P = lambda * o of the last layer, a finite float32 above 0.
         attempt: how many learners have owned the run.
         version: policy updates done; 0 is the initial policy.
 
@@ -99,37 +99,47 @@ class WeightBlob:
     def content_sha256(self) -> str:
         """SHA-256 (hex) of what the policy computes: geometry, signs, thresholds, lambda.
 
-        Run, attempt and version are left out: equal policies have equal digests whoever made them.
+        Run, attempt and version are left out: equal policies have equal digests whoever made them. Of the paper's
+        shape it is that of all versions of this program: C, N, |A|, lambda, and schema 1's signs and thresholds.
         """
         digest = hashlib.sha256(
-            struct.pack("<HHHf", self.spec.channels, self.spec.nodes, self.spec.actions, self.scale)
+            struct.pack(
+                "<HHHf", self.spec.channels, self.spec.hidden_units, self.spec.actions, self.scale
+            )
         )
-        digest.update(self._body())
+        if not self.spec.is_paper_shape:
+            digest.update(_shape_bytes(self.spec))
+        for signs in self.weights:
+            digest.update(np.packbits(signs > 0, bitorder="little").tobytes())
+        for tau in self.thresholds:
+            digest.update(tau.astype("<i4").tobytes())
         return digest.hexdigest()
 
     def encode(self) -> bytes:
         """The blob as bytes, `encoded_size(spec)` of them."""
         header = Header(self.spec, self.run, self.attempt, self.version, self.scale)
-        return _ENVELOPE.seal(header, self._body())
+        sections = [
+            *map(_packed_rows, self.weights),
+            *(tau.astype("<i4").tobytes() for tau in self.thresholds),
+        ]
+        body = b"".join(section.ljust(aligned(len(section)), b"\0") for section in sections)
+        return _ENVELOPE.seal(header, body)
 
     @classmethod
     def decode(cls, data: bytes) -> Self:
-        """Reads `encode`'s bytes.
+        """Reads `encode`'s bytes, and those of schema 1.
 
         Raises:
             BlobError: truncated, oversized, altered, of another schema, or not a blob at all.
         """
-        header = _ENVELOPE.header(data)
-        body = _ENVELOPE.body(data, _body_bytes(header.spec))
-        weights, thresholds = _split_body(header.spec, body)
+        opened = _ENVELOPE.open(data)
+        form = _FORMS[opened.schema]
+        header = opened.header
+        body = _ENVELOPE.body(data, opened, form.size(header.spec))
+        weights, thresholds = form.split(header.spec, body)
         return cls(
             header.spec, weights, thresholds, header.own, header.run, header.attempt, header.version
         )
-
-    def _body(self) -> bytes:
-        bits = (np.packbits(signs > 0, bitorder="little").tobytes() for signs in self.weights)
-        taus = (tau.astype("<i4").tobytes() for tau in self.thresholds)
-        return b"".join((*bits, *taus))
 
 
 def canonical_thresholds(layer: Layer, tau: Thresholds) -> Thresholds:
@@ -146,35 +156,103 @@ def canonical_thresholds(layer: Layer, tau: Thresholds) -> Thresholds:
 
 def encoded_size(spec: NetworkSpec) -> int:
     """Bytes of a blob with this geometry."""
-    return _ENVELOPE.size(_body_bytes(spec))
+    return _ENVELOPE.size(spec, _aligned_bytes(spec))
 
 
-def _body_bytes(spec: NetworkSpec) -> int:
-    signs = sum(_packed_bytes(layer.out_channels * layer.fan_in) for layer in spec.layers)
+def _shape_bytes(spec: NetworkSpec) -> bytes:
+    numbers = [spec.image_px, len(spec.convolutions), len(spec.action_dims)]
+    numbers += [number for convolution in spec.convolutions for number in convolution]
+    return struct.pack(f"<{len(numbers) + len(spec.action_dims)}H", *numbers, *spec.action_dims)
+
+
+_Parts = tuple[tuple[Signs, ...], tuple[Thresholds, ...]]
+
+
+@dataclass(frozen=True)
+class _Form:
+    """How a schema lays a policy's parameters out: in how many bytes, and how they are read."""
+
+    size: Callable[[NetworkSpec], int]
+    split: Callable[[NetworkSpec, bytes], _Parts]
+
+
+# Schema 2: every section begins at a multiple of 64 bytes, every row of signs at one of 4.
+
+
+def _row_words(layer: Layer) -> int:
+    return -(-layer.fan_in // _WORD_BITS)
+
+
+def _packed_rows(signs: Signs) -> bytes:
+    bits = np.packbits(signs > 0, axis=1, bitorder="little")
+    missing = -bits.shape[1] % (_WORD_BITS // 8)
+    return np.pad(bits, ((0, 0), (0, missing))).tobytes()
+
+
+def _aligned_bytes(spec: NetworkSpec) -> int:
+    signs = sum(aligned(4 * layer.out_channels * _row_words(layer)) for layer in spec.layers)
+    return signs + sum(aligned(4 * layer.out_channels) for layer in spec.layers[:-1])
+
+
+def _split_aligned(spec: NetworkSpec, body: bytes) -> _Parts:
+    offset = 0
+
+    def section(what: str, size: int) -> bytes:
+        nonlocal offset
+        found = body[offset : offset + aligned(size)]
+        if any(found[size:]):
+            raise BlobError(f"padding behind the {what} is not zero")
+        offset += len(found)
+        return found[:size]
+
+    weights = []
+    for layer in spec.layers:
+        what = f"signs of {layer.name}"
+        raw = np.frombuffer(section(what, 4 * layer.out_channels * _row_words(layer)), np.uint8)
+        bits = np.unpackbits(raw.reshape(layer.out_channels, -1), axis=1, bitorder="little")
+        if bits[:, layer.fan_in :].any():
+            raise BlobError(f"padding bits of the {what} are not zero")
+        weights.append(bits[:, : layer.fan_in].astype(np.int8) * 2 - 1)
+    thresholds = tuple(
+        np.frombuffer(section(f"thresholds of {layer.name}", 4 * layer.out_channels), "<i4").astype(
+            np.int32
+        )
+        for layer in spec.layers[:-1]
+    )
+    return tuple(weights), thresholds
+
+
+# Schema 1: one after the other, each layer's signs padded to a whole byte.
+
+
+def _packed_bytes(layer: Layer) -> int:
+    return (layer.out_channels * layer.fan_in + 7) // 8
+
+
+def _dense_bytes(spec: NetworkSpec) -> int:
     thresholds = sum(4 * layer.out_channels for layer in spec.layers[:-1])
-    return signs + thresholds
+    return sum(map(_packed_bytes, spec.layers)) + thresholds
 
 
-def _packed_bytes(bits: int) -> int:
-    return (bits + 7) // 8
-
-
-def _split_body(spec: NetworkSpec, body: bytes) -> tuple[tuple[Signs, ...], tuple[Thresholds, ...]]:
+def _split_dense(spec: NetworkSpec, body: bytes) -> _Parts:
     raw = np.frombuffer(body, np.uint8)
     weights: list[Signs] = []
     thresholds: list[Thresholds] = []
     offset = 0
     for layer in spec.layers:
         count = layer.out_channels * layer.fan_in
-        bits = np.unpackbits(raw[offset : offset + _packed_bytes(count)], bitorder="little")
+        bits = np.unpackbits(raw[offset : offset + _packed_bytes(layer)], bitorder="little")
         if bits[count:].any():
             raise BlobError(f"padding bits of {layer.name} are not zero")
         weights.append((bits[:count].astype(np.int8) * 2 - 1).reshape(layer.weight_shape))
-        offset += _packed_bytes(count)
+        offset += _packed_bytes(layer)
     for layer in spec.layers[:-1]:
         thresholds.append(np.frombuffer(body, "<i4", layer.out_channels, offset).astype(np.int32))
         offset += 4 * layer.out_channels
     return tuple(weights), tuple(thresholds)
+
+
+_FORMS = {1: _Form(_dense_bytes, _split_dense), 2: _Form(_aligned_bytes, _split_aligned)}
 
 
 def _check_arrays(

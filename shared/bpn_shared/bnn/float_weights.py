@@ -1,9 +1,7 @@
 """A floating-point policy as bytes: an ONNX model with its provenance and one known answer.
 
-Little-endian. Header (40 bytes): magic, schema version, C, N, |A|, run, attempt, version, bytes of the
-model; then P of the probe observation, float32[|A|]; then the model; then the SHA-256 of all before it.
-
-The model takes `pixels` float32[1, C, 84, 84] of 0..255 and gives P float32[1, |A|].
+docs/float-weights.md defines it. The model takes `pixels` float32[1, C, rows, columns] of 0..255 and gives
+P float32[1, |A|].
 """
 
 import hashlib
@@ -22,7 +20,7 @@ from bpn_shared.spec.network import NetworkSpec
 Preferences = npt.NDArray[np.float32]
 
 MAGIC = b"BPNF"
-_ENVELOPE = Envelope("float policy", MAGIC, schema=1, own="I")
+_ENVELOPE = Envelope("float policy", MAGIC, own="I")
 _GRAPH_BYTES = 16 * 1024  # of a model, beside its parameters
 
 
@@ -68,7 +66,7 @@ class FloatWeights:
     def content_sha256(self) -> str:
         """SHA-256 (hex) of what the policy computes: geometry and model, not run, attempt and version."""
         digest = hashlib.sha256(
-            struct.pack("<HHH", self.spec.channels, self.spec.nodes, self.spec.actions)
+            struct.pack("<HHH", self.spec.channels, self.spec.hidden_units, self.spec.actions)
         )
         digest.update(self.model)
         return digest.hexdigest()
@@ -89,9 +87,10 @@ class FloatWeights:
         Raises:
             BlobError: truncated, oversized, altered, of another schema, or no float policy at all.
         """
-        spec, run, attempt, version, model_bytes = _ENVELOPE.header(data)
+        opened = _ENVELOPE.open(data)
+        spec, run, attempt, version, model_bytes = opened.header
         outputs_bytes = 4 * spec.actions
-        body = _ENVELOPE.body(data, outputs_bytes + int(model_bytes))
+        body = _ENVELOPE.body(data, opened, outputs_bytes + int(model_bytes))
         probe_outputs = np.frombuffer(body, "<f4", spec.actions).astype(np.float32)
         return cls(spec, body[outputs_bytes:], probe_outputs, run, attempt, version)
 
@@ -103,4 +102,4 @@ def max_model_bytes(spec: NetworkSpec) -> int:
 
 def max_encoded_size(spec: NetworkSpec) -> int:
     """The most bytes of a float policy with this geometry."""
-    return _ENVELOPE.size(4 * spec.actions + max_model_bytes(spec))
+    return _ENVELOPE.size(spec, 4 * spec.actions + max_model_bytes(spec))

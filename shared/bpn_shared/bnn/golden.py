@@ -14,7 +14,7 @@ Integers = npt.NDArray[np.int32]
 
 
 def check_observation(spec: NetworkSpec, observation: Observation) -> None:
-    """Refuses anything but uint8[C, 84, 84].
+    """Refuses anything but uint8[C, rows, columns] of the network.
 
     Raises:
         ValueError: the dtype or the shape is another; the message names both.
@@ -41,16 +41,17 @@ def patches(layer: Layer, x: Integers) -> Integers:
 
 
 def forward(blob: WeightBlob, observation: Observation) -> tuple[Integers, ...]:
-    """o_1..o_5 of the paper's Eq. 11a with the activation of Eq. 13: x = +1 iff o >= tau, else -1.
+    """Every layer's o, the paper's Eq. 11a, with the activation of Eq. 13: x = +1 iff o >= tau, else -1.
 
     o is the true ±1 sum, 2·popcount(XNOR) - n for n inputs (the paper's Eq. 12 leaves 2p - n out).
 
     Args:
         blob: the weights.
-        observation: uint8[C, 84, 84].
+        observation: uint8[C, rows, columns].
 
     Returns:
-        Every layer's integers: int32[20,20,8], int32[9,9,16], int32[7,7,16], int32[N], int32[|A|].
+        Every layer's integers, int32[out_size, out_size, out_channels], or int32[out_channels] where out_size
+        is 1; of the paper's shape int32[20,20,8], int32[9,9,16], int32[7,7,16], int32[N], int32[|A|].
 
     Raises:
         ValueError: the observation does not fit the blob's geometry.

@@ -1,4 +1,4 @@
-"""A float network of the paper's geometry as an ONNX model: the same weights give the same bytes.
+"""A float network as an ONNX model: the same weights give the same bytes.
 
 Needs `onnx`, which learners have, and edges that run float policies.
 """
@@ -20,7 +20,9 @@ _IR_VERSION = 10  # runtimes read older models, and refuse those of a newer onnx
 
 
 def onnx_model(spec: NetworkSpec, weights: Sequence[Floats], biases: Sequence[Floats]) -> bytes:
-    """The network with ReLU after layers 1-4, from `pixels` float32[1, C, 84, 84] to P float32[1, |A|].
+    """The network with ReLU after all layers but the last, from `pixels` to P.
+
+    `pixels` is float32[1, C, rows, columns], P float32[1, |A|].
 
     Args:
         spec: geometry.
@@ -42,11 +44,11 @@ def onnx_model(spec: NetworkSpec, weights: Sequence[Floats], biases: Sequence[Fl
         kernels = weights[index]
         if index > 0:
             append("Relu")
-        if layer.out_size > 1:
-            append("Conv", *names, strides=[layer.stride] * 2)
-        else:
+        if layer.is_fully_connected:
             append("Flatten")
             append("Gemm", *names, transB=1)
+        else:
+            append("Conv", *names, strides=[layer.stride] * 2)
         kernels = kernels.reshape(constant_shapes(spec)[names[0]])
         constants += map(numpy_helper.from_array, (kernels, biases[index]), names)
     graph = helper.make_graph(
@@ -67,7 +69,7 @@ def constant_shapes(spec: NetworkSpec) -> dict[str, tuple[int, ...]]:
     shapes: dict[str, tuple[int, ...]] = {}
     for index, layer in enumerate(spec.layers):
         kernels = (layer.out_channels, layer.in_channels, layer.kernel, layer.kernel)
-        shapes[f"weights{index}"] = kernels if layer.out_size > 1 else layer.weight_shape
+        shapes[f"weights{index}"] = layer.weight_shape if layer.is_fully_connected else kernels
         shapes[f"biases{index}"] = (layer.out_channels,)
     return shapes
 

@@ -38,7 +38,7 @@ MessageType = Literal[
 ENVELOPE_BYTES = 1024
 """Room for attachment and status beside a payload."""
 MAX_PIXEL_BYTES = 512 * 1024
-MAX_WEIGHTS_BYTES = 8 * 1024 * 1024
+MAX_WEIGHTS_BYTES = 16 * 1024 * 1024
 
 
 class Grant(NamedTuple):

@@ -16,7 +16,7 @@ PERIOD_S = 1.0
 
 
 class TelemetryPublisher:
-    """Sends a service's report every second, at the latest until its session ends.
+    """Sends a service's report every second and when it ends, at the latest when its session does.
 
     Args:
         counters: `reports_failed` is counted here.
@@ -38,15 +38,19 @@ class TelemetryPublisher:
 
     def _publish(self) -> None:
         while not self._closed.is_set():
-            try:
-                if self._publisher.matching_status.matching:  # type: ignore[attr-defined]
-                    self._publisher.put(self._report().encode())
-            except Exception as error:
-                self._counters.fault("reports_failed", "a telemetry report", error)
+            self._send()
             self._closed.wait(PERIOD_S)
+        self._send()  # a run of a second or two is told in full
+
+    def _send(self) -> None:
+        try:
+            if self._publisher.matching_status.matching:  # type: ignore[attr-defined]
+                self._publisher.put(self._report().encode())
+        except Exception as error:
+            self._counters.fault("reports_failed", "a telemetry report", error)
 
     def close(self) -> None:
-        """Sends no more. Closing it again does nothing."""
+        """Sends what is so far, and no more. Closing it again does nothing."""
         self._closed.set()
         self._thread.join()
 

@@ -3,12 +3,16 @@
 from typing import Annotated, Literal
 from uuid import UUID
 
-from pydantic import Field
+from pydantic import Field, Strict
 
 from bpn_shared.messages.base import Message
 from bpn_shared.messages.control import Count, Reason, Version, WorkerId
 
 Role = Literal["learner", "robot_sim", "edge"]
+MAX_PLUGIN_NAME, MAX_PLUGINS = 60, 200
+PluginName = Annotated[str, Field(max_length=MAX_PLUGIN_NAME)]
+PluginNames = Annotated[tuple[PluginName, ...], Field(max_length=MAX_PLUGINS), Strict(False)]
+"""A list on the wire, which msgpack has for both."""
 RunId = Annotated[str, Field(pattern=r"^[0-9a-f]{8}(-[0-9a-f]{4}){3}-[0-9a-f]{12}$")]
 
 
@@ -28,10 +32,12 @@ class LeaseRequest(Message):
         version, protocol: of the worker's program (`bpn_shared.version`); empty and 1 of one that did not tell.
         gave_back: the last place that it gave back, until the registry has answered once.
         gpu: whether torch finds one there; None: not told, as of workers that need none.
+        plugins: by entry-point group, the names of those that can be used there; a group that is not there was not
+            told.
     """
 
-    SCHEMA = 2
-    OLDER_SCHEMAS = frozenset({1})
+    SCHEMA = 3
+    OLDER_SCHEMAS = frozenset({1, 2})
 
     role: Role
     worker: WorkerId
@@ -40,6 +46,7 @@ class LeaseRequest(Message):
     protocol: Count = 1
     gave_back: GiveBack | None = None
     gpu: bool | None = None
+    plugins: Annotated[dict[PluginName, PluginNames], Field(max_length=20, default_factory=dict)]
 
 
 class LeaseReply(Message):

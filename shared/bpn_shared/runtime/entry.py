@@ -15,7 +15,7 @@ from bpn_shared.errors import InputError, one_line
 from bpn_shared.messages.lease import Role
 from bpn_shared.runs.folder import RunOwnedError
 from bpn_shared.runtime.heartbeat import Heartbeat
-from bpn_shared.runtime.leased import LeaseLoop
+from bpn_shared.runtime.leased import UNTOLD, Abilities, LeaseLoop
 from bpn_shared.runtime.service import (
     end_with_supervisor,
     new_worker_id,
@@ -80,7 +80,7 @@ def run_worker(
     answers: Answers = MappingProxyType({}),
     *,
     holds_on_s: float | None = None,
-    gpu: bool | None = None,
+    abilities: Abilities = UNTOLD,
 ) -> int:
     """Sets up logging, signals and session, announces the worker, serves, and closes again.
 
@@ -89,7 +89,7 @@ def run_worker(
     Args:
         holds_on_s: after how long without a router it ends its work, so that another can go on with it; None:
             never.
-        gpu: whether this machine has one, if the registry shall know.
+        abilities: what the registry shall know of this worker.
 
     Returns:
         The exit status: what `serve` returns; `EXIT_UNRECOVERABLE` for errors that a restart cannot mend,
@@ -113,7 +113,7 @@ def run_worker(
             for key, handler in answers.items():
                 stack.enter_context(Responder(bus, key, handler, process.counters))
             if options.run is None:
-                return LeaseLoop(process, options.place, gpu).run(serve)
+                return LeaseLoop(process, options.place, abilities).run(serve)
             return _serve_run(process, options.run, slot, serve)
     except (InputError, RunOwnedError) as error:
         log.error("%s", error)
@@ -155,6 +155,7 @@ def run_slot_worker(
     options: argparse.Namespace,
     serve: Callable[[Worker, RunConfig], int],
     answers: Answers = MappingProxyType({}),
+    abilities: Abilities = UNTOLD,
 ) -> int:
     """Runs a worker of one slot, which gets its configuration from the run's learner."""
 
@@ -162,4 +163,4 @@ def run_slot_worker(
         config = fetch_config(worker)
         return EXIT_FINISHED if config is None else serve(worker, config)
 
-    return run_worker(kind, options, serve_configured, answers)
+    return run_worker(kind, options, serve_configured, answers, abilities=abilities)

@@ -7,6 +7,8 @@ for the next run. While the registry is away, workers go on with what they have.
 
 import logging
 import threading
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import NamedTuple
 from uuid import UUID
 
@@ -18,7 +20,15 @@ from bpn_shared.bus.requests import Responder
 from bpn_shared.bus.session import Bus, BusError
 from bpn_shared.errors import InputError, one_line
 from bpn_shared.messages.control import MAX_REASON
-from bpn_shared.messages.lease import GiveBack, LeaseReply, LeaseRequest, Release, ReleaseReply
+from bpn_shared.messages.lease import (
+    MAX_PLUGIN_NAME,
+    MAX_PLUGINS,
+    GiveBack,
+    LeaseReply,
+    LeaseRequest,
+    Release,
+    ReleaseReply,
+)
 from bpn_shared.runs.folder import RunOwnedError
 from bpn_shared.runtime.service import set_up_logging
 from bpn_shared.runtime.worker import (
@@ -39,6 +49,29 @@ _REFUSED_S, _REFUSED_AT_MOST_S = 1.0, 60.0
 """Pauses after refusals in a row: what refuses a worker seldom changes soon."""
 
 
+class Abilities(NamedTuple):
+    """What a worker can be used for.
+
+    Attributes:
+        gpu: whether it has one, if that is of interest.
+        plugins: by entry-point group, the names of those that can be used there.
+    """
+
+    gpu: bool | None = None
+    plugins: Mapping[str, Sequence[str]] = MappingProxyType({})
+
+    def told(self) -> dict[str, tuple[str, ...]]:
+        """The plug-ins, without groups that have more or longer names than a message takes."""
+        return {
+            group: tuple(names)
+            for group, names in self.plugins.items()
+            if len(names) <= MAX_PLUGINS and all(len(name) <= MAX_PLUGIN_NAME for name in names)
+        }
+
+
+UNTOLD = Abilities()
+
+
 class Lease(NamedTuple):
     """A place, and what ends the work there."""
 
@@ -52,11 +85,11 @@ class LeaseLoop:
 
     Args:
         label: where this worker runs (`LeaseRequest`).
-        gpu: whether it has one, if that is of interest.
+        abilities: what else the registry shall know.
     """
 
-    def __init__(self, process: WorkerProcess, label: str, gpu: bool | None = None) -> None:
-        self._process, self._label, self._gpu = process, label, gpu
+    def __init__(self, process: WorkerProcess, label: str, abilities: Abilities = UNTOLD) -> None:
+        self._process, self._label, self._abilities = process, label, abilities
         self._lock = threading.Lock()
         self._lease: Lease | None = None
         self._gave_back: GiveBack | None = None  # until the registry knows
@@ -106,7 +139,8 @@ class LeaseLoop:
                 version=VERSION,
                 protocol=PROTOCOL,
                 gave_back=self._gave_back,
-                gpu=self._gpu,
+                gpu=self._abilities.gpu,
+                plugins=self._abilities.told(),
             )
             reply = process.ask(
                 keys.lease_request(),

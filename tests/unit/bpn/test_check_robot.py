@@ -65,8 +65,16 @@ def test_an_episode_that_has_ended_is_not_played_on() -> None:
 
 
 class Dreaming(Bar):
+    """Moves in another way after every reset."""
+
+    nights = 0
+
+    def reset(self, seed: int) -> Frame:
+        self.nights += 1
+        return super().reset(seed)
+
     def settle(self) -> None:
-        self.at_px = self.goal_px + float(np.random.default_rng().uniform(1, 5))
+        self.at_px = self.goal_px + 1 + self.nights % 4
 
 
 class Forgetful(Bar):

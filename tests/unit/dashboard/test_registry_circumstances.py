@@ -5,7 +5,7 @@ import pytest
 from bpn_dashboard.registry.circumstances import Queue, around
 from bpn_dashboard.registry.leases import Demand, LeaseBook, Place
 from bpn_dashboard.registry.setbacks import GiveBack, Setbacks
-from bpn_dashboard.registry.versions import FORGET_S, Refusals, Refused, why_refused
+from bpn_dashboard.registry.versions import FORGET_S, Refused, RefusedWorkers, why_refused
 from bpn_shared.messages.lease import LeaseRequest
 from bpn_shared.runtime.service import new_worker_id
 from bpn_shared.runtime.watchdog import Circumstances
@@ -101,7 +101,7 @@ def test_a_refused_worker_is_told_what_to_install_and_remembered_while_it_asks()
     )
     assert why_refused(asked.model_copy(update={"protocol": PROTOCOL})) is None
     assert "a bpn that does not tell" in str(why_refused(asked.model_copy(update={"version": ""})))
-    refusals = Refusals()
+    refusals = RefusedWorkers()
     refusals.note("edge", "edge-12", reason, 0.0)
     refusals.note("edge", "edge-12", reason, 60.0)
     (refused,) = refusals.current(60.0 + FORGET_S)
@@ -110,7 +110,7 @@ def test_a_refused_worker_is_told_what_to_install_and_remembered_while_it_asks()
 
 
 def test_a_worker_whose_token_tells_another_protocol_is_named_while_it_is_there() -> None:
-    refusals, other = Refusals(), f"edge-p{PROTOCOL + 1}-0123456789ab"
+    refusals, other = RefusedWorkers(), f"edge-p{PROTOCOL + 1}-0123456789ab"
     for worker in (new_worker_id("edge"), "edge-0123456789ab", other):
         refusals.appeared("edge", worker, 1.0)
     (refused,) = refusals.current(1e6)

@@ -115,22 +115,22 @@ def test_who_speaks_another_protocol_is_refused_and_remembered(at: Desk) -> None
     with pytest.raises(RefusedError, match=f"speaks protocol {PROTOCOL + 1}"):
         at.ask("a", protocol=PROTOCOL + 1, gpu=True)
     assert [(r.role, r.worker) for r in at.desk.refused()] == [("learner", "a")]
-    assert at.desk.gpus() == []
+    assert at.desk.told() == []
     assert at.ask("b") == LEASE
 
 
-def test_workers_and_their_gpus_are_known_while_their_tokens_are_there(at: Desk) -> None:
+def test_workers_and_what_they_told_are_known_while_their_tokens_are_there(at: Desk) -> None:
     for worker, gpu in (("a", True), ("b", False), ("c", None)):
         at.desk.on_worker(keys.live("learner", worker), True)
         at.ask(worker, gpu=gpu)
     assert at.desk.alive() == {"a", "b", "c"}
-    assert at.desk.gpus() == [True, False]
+    assert [told.gpu for told in at.desk.told()] == [True, False, None]
     assert at.desk.replaceable(time.monotonic()) == []  # nobody's token is at a place
     at.token("a", True)
     assert at.desk.replaceable(time.monotonic()) == [(LEARNER, "a")]
     for worker in ("b", "c"):
         at.desk.on_worker(keys.live("learner", worker), False)
-    assert (at.desk.alive(), at.desk.gpus()) == ({"a"}, [True])
+    assert (at.desk.alive(), [told.gpu for told in at.desk.told()]) == ({"a"}, [True])
     assert at.desk.replaceable(time.monotonic()) == []  # nobody is left who could replace it
 
 

@@ -57,9 +57,11 @@ def test_the_second_refuses_from_its_first_moment_and_takes_changes_once_the_fir
         assert second.candidate.serves
 
 
-def test_of_a_router_that_is_served_by_nobody_it_takes_changes_when_that_is_certain(
-    endpoint: str, context: Context, tmp_path: Path
+def test_of_a_router_that_is_served_by_nobody_it_takes_changes_as_soon_as_that_is_certain(
+    endpoint: str, context: Context, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setattr("bpn_dashboard.live._JOINED_WITHIN_S", 3600.0)
+    monkeypatch.setattr("bpn_dashboard.live._SETTLED_WITHIN_S", 3600.0)  # it does not wait so long
     with joining(endpoint, context, tmp_path) as live:
         assert live.refusal() is None
         assert live.candidate is not None

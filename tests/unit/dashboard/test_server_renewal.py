@@ -13,6 +13,7 @@ from bpn_dashboard import server
 from bpn_dashboard.access.connections import Connections
 from bpn_dashboard.server import Server, listen
 from bpn_shared.counters import Counters
+from bpn_shared.runs.files import write_atomically
 
 MISMATCH = "key values mismatch"
 DAY = Validity.of_days(1)
@@ -24,8 +25,8 @@ async def nothing(_scope: object, _receive: object, _send: object) -> None:
 
 
 def write(folder: Path, identity: Identity, *, key: Identity | None = None) -> None:
-    (folder / "certificate.pem").write_bytes(identity.certificate_pem())
-    (folder / "key.pem").write_bytes((key or identity).key_pem())
+    write_atomically(folder / "certificate.pem", identity.certificate_pem())
+    write_atomically(folder / "key.pem", (key or identity).key_pem())
 
 
 @contextmanager

@@ -1,6 +1,8 @@
 """One version of everything: the distributions, the images, the manifests."""
 
 import re
+import shutil
+import subprocess
 import tomllib
 from collections.abc import Callable
 from pathlib import Path
@@ -14,18 +16,52 @@ from bpn_shared import version
 from bpn_shared.bus import router
 from bpn_shared.runtime.entry import argument_parser as worker_parser
 from bpn_shared.version import VERSION
+from checks import versions
 
 ROOT = Path(__file__).parents[3]
 
 
-def test_all_distributions_have_one_version() -> None:
-    found = [
-        tomllib.loads(path.read_text())
-        for path in ROOT.glob("**/pyproject.toml")
-        if "node_modules" not in path.parts and ".venv" not in path.parts
-    ]
-    versions = {project["project"]["version"] for project in found if "project" in project}
-    assert versions == {VERSION}
+def copied(root: Path) -> Path:
+    """The files that say a version, and the licences."""
+    names = [*versions._REPEATED, "LICENSE", *(f"{one}/LICENSE" for one in versions.DISTRIBUTIONS)]
+    for name in names:
+        (root / name).parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy(ROOT / name, root / name)
+    return root
+
+
+def test_everything_has_one_version_and_one_licence() -> None:
+    assert versions.version(ROOT) == VERSION
+    assert list(versions.check(ROOT)) == []
+
+
+def test_every_distribution_is_among_them() -> None:
+    listed = subprocess.run(
+        ["git", "ls-files", "*pyproject.toml"], cwd=ROOT, capture_output=True, text=True, check=True
+    )
+    projects = {
+        name
+        for name in listed.stdout.split()
+        if "project" in tomllib.loads((ROOT / name).read_text())
+    }
+    assert projects == {name for name in versions._REPEATED if name.endswith("pyproject.toml")}
+
+
+def test_another_version_is_written_everywhere(tmp_path: Path) -> None:
+    root = copied(tmp_path)
+    source = root / versions.SOURCE
+    source.write_text(source.read_text().replace(f'version = "{VERSION}"', 'version = "7.8.9"'))
+    # All but the source: its own line is right already, and it depends on none of ours.
+    assert len(list(versions.check(root))) == len(versions._REPEATED) - 1
+    versions.write(root)
+    assert list(versions.check(root)) == []
+    assert '"bpn-edge[float]==7.8.9"' in (root / "bpn/pyproject.toml").read_text()
+
+
+def test_another_licence_is_seen(tmp_path: Path) -> None:
+    root = copied(tmp_path)
+    (root / "bpn/LICENSE").write_text("all rights reserved")
+    assert list(versions.check(root)) == ["bpn/LICENSE is another than LICENSE"]
 
 
 def test_compose_tags_images_with_it() -> None:

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from geometries import geometries
+from geometries import geometries, shapes
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -15,9 +15,9 @@ from bpn_edge.memory import compare, verify
 from bpn_shared.bnn import golden
 from bpn_shared.bnn.blob import WeightBlob, canonical_thresholds
 from bpn_shared.bnn.envelope import BlobError
-from bpn_shared.spec.network import LAYERS, NetworkSpec
+from bpn_shared.spec.network import NetworkSpec
 
-specs = geometries(range(1, 17), 130, 64)
+specs = geometries(range(1, 17), 130, 64) | shapes()
 INT32 = np.iinfo(np.int32)
 
 
@@ -43,11 +43,11 @@ def test_what_was_loaded_is_read_back(spec: NetworkSpec, seed: int, name: str) -
     verify(kernel, blob)
     found = kernel.read_back()
     assert list(found) == [
-        *(f"weights of {layer}" for layer in LAYERS),
-        *(f"thresholds of {layer}" for layer in LAYERS[:-1]),
+        *(f"weights of {layer.name}" for layer in spec.layers),
+        *(f"thresholds of {layer.name}" for layer in spec.layers[:-1]),
     ]
-    for layer, signs in zip(LAYERS, blob.weights, strict=True):
-        np.testing.assert_array_equal(found[f"weights of {layer}"], signs)
+    for layer, signs in zip(spec.layers, blob.weights, strict=True):
+        np.testing.assert_array_equal(found[f"weights of {layer.name}"], signs)
 
 
 @given(st.integers(0, 2**32), st.data())
@@ -86,7 +86,7 @@ BANK_BITS = 8 * len(KERNEL.network.memory())
 @given(st.integers(0, BANK_BITS - 1))
 @settings(max_examples=300)
 def test_any_flipped_bit_of_the_native_bank_is_noticed(bit: int) -> None:
-    """All of it: weights, thresholds, sizes and padding, which the arithmetic may read too."""
+    """All of it: weights, thresholds and padding, which the arithmetic may read too."""
     bank, checksum = KERNEL.network.memory(), KERNEL.checksum()
     bank[bit // 8] ^= 1 << bit % 8
     try:
@@ -125,8 +125,9 @@ def test_any_one_wrong_parameter_is_noticed_and_named(
     """Such as packing would make if it were wrong."""
     kernel = load(name)
     kernel.load(change(BLOB, layer, index))
+    names = [part.name for part in BLOB.spec.layers]
     what = (
-        f"weights of {LAYERS[layer]}" if change is flipped else f"thresholds of {LAYERS[layer % 4]}"
+        f"weights of {names[layer]}" if change is flipped else f"thresholds of {names[layer % 4]}"
     )
     with pytest.raises(BlobError, match=f"1 of [0-9]+ {what} differ in the {name} kernel's memory"):
         verify(kernel, BLOB)

@@ -109,11 +109,31 @@ def test_weights_of_another_geometry_replace_the_old(kernel: kernels.Kernel) -> 
 
 
 def test_matrices_that_fit_no_network_are_refused() -> None:
-    with pytest.raises(ValueError, match="shapes of no network"):
-        _native.Network("portable", 4, BLOB.weights, BLOB.thresholds)
+    layers = [
+        (layer.in_size, layer.in_channels, layer.kernel, layer.stride, layer.out_channels)
+        for layer in SPEC.layers
+    ]
+    _native.Network("portable", False, layers, BLOB.weights, BLOB.thresholds)
     short = (BLOB.thresholds[0][:7], *BLOB.thresholds[1:])
-    with pytest.raises(ValueError, match="shapes of no network"):
-        _native.Network("portable", 3, BLOB.weights, short)
+    fewer = [(84, 4, *layers[0][2:]), *layers[1:]]
+    for wrong in (
+        (fewer, BLOB.weights, BLOB.thresholds),
+        (layers, BLOB.weights, short),
+        (layers, BLOB.weights[:-1], BLOB.thresholds),
+        (layers, BLOB.weights, BLOB.thresholds[:-1]),
+        ([], [], []),
+        *(
+            ([*layers[:k], changed, *layers[k + 1 :]], BLOB.weights, BLOB.thresholds)
+            for k in range(5)
+            for at in range(5)
+            for value in (-1, 0, 17, 1025, 2**31 - 1)
+            for changed in [(*layers[k][:at], value, *layers[k][at + 1 :])]
+            # a kernel that covers its input has but one place, whatever its stride
+            if not (at == 3 and k >= 3 and value > 0)
+        ),
+    ):
+        with pytest.raises(ValueError, match="shapes of no network"):
+            _native.Network("portable", False, *wrong)
 
 
 def test_threads_that_run_while_weights_change_see_one_version_or_the_other() -> None:

@@ -2,7 +2,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from geometries import geometries
+from geometries import geometries, shapes
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -21,9 +21,10 @@ from bpn_edge.kernel.golden import GoldenKernel
 from bpn_edge.kernel.native import NativeKernel, available_paths
 from bpn_shared.bnn.blob import Parameters, WeightBlob
 from bpn_shared.bnn.golden import Integers, Observation
-from bpn_shared.spec.network import NetworkSpec
+from bpn_shared.spec.network import Convolution, NetworkSpec
 
 PATHS = {path: NativeKernel(path) for path in available_paths()}
+ANY_SHAPE = {path: NativeKernel(path, any_shape=True) for path in available_paths()}
 
 specs = geometries((1, 3, 6), 256, 64)
 images = st.sampled_from(IMAGES)
@@ -57,6 +58,66 @@ def test_every_path_equals_the_reference(
         blob = with_ties(blob, image, tied_layer, rng)
     for kernel in PATHS.values():
         assert_exact(kernel, blob, image)
+
+
+@settings(max_examples=60, deadline=None)
+@given(spec=specs, seed=st.integers(0, 2**32), image_kind=images, tied_layer=st.integers(0, 3))
+def test_the_code_for_any_shape_runs_the_papers_too(
+    spec: NetworkSpec, seed: int, image_kind: str, tied_layer: int
+) -> None:
+    rng = np.random.default_rng(seed)
+    image = make_image(image_kind, spec, rng)
+    blob = with_ties(WeightBlob.random(spec, rng), image, tied_layer, rng)
+    for kernel in ANY_SHAPE.values():
+        assert_exact(kernel, blob, image)
+
+
+@settings(max_examples=200, deadline=None)
+@given(
+    spec=shapes(image_px=64, outputs=40, hidden_units=150),
+    seed=st.integers(0, 2**32),
+    image_kind=images,
+    sign_kinds=st.lists(signs, min_size=6, max_size=6),
+    edges=st.booleans(),
+    tied_layer=st.sampled_from([None, 0, 1, 2, 3, 4]),
+)
+def test_every_path_equals_the_reference_in_any_shape(
+    *,
+    spec: NetworkSpec,
+    seed: int,
+    image_kind: str,
+    sign_kinds: list[str],
+    edges: bool,
+    tied_layer: int | None,
+) -> None:
+    rng = np.random.default_rng(seed)
+    image = make_image(image_kind, spec, rng)
+    blob = with_signs(WeightBlob.random(spec, rng), sign_kinds[: len(spec.layers)])
+    if edges:
+        blob = with_edge_thresholds(blob, rng)
+    if tied_layer is not None:
+        blob = with_ties(blob, image, tied_layer % (len(spec.layers) - 1), rng)
+    for kernel in PATHS.values():
+        assert_exact(kernel, blob, image)
+
+
+LARGEST = [
+    NetworkSpec(16, 1024, 64, (Convolution(16, 16, 128), Convolution(8, 1, 128)), 128),
+    NetworkSpec(16, 8, 2, (Convolution(16, 8, 128),) + (Convolution(1, 1, 128),) * 5, 128),
+    NetworkSpec(4, 512, 6, (Convolution(8, 4, 32), Convolution(4, 2, 64), Convolution(3, 1, 64))),
+]
+
+
+@pytest.mark.parametrize("spec", LARGEST, ids=str)
+@pytest.mark.parametrize("path", PATHS)
+def test_the_largest_layers_are_exact(path: str, spec: NetworkSpec) -> None:
+    """With the largest sums that there can be: the 16-bit sums of some paths just hold them."""
+    rng = np.random.default_rng(8)
+    for kinds in (["all +1", "random"], ["all -1", "all -1"], ["random", "random"]):
+        signs = [*kinds, *["random"] * (len(spec.layers) - 2)]
+        blob = with_signs(WeightBlob.random(spec, rng), signs)
+        image = make_image("full", spec, rng)
+        assert_exact(PATHS[path], with_ties(blob, image, 0, rng), image)
 
 
 @pytest.mark.parametrize("spec", [NetworkSpec(1, 1, 2), NetworkSpec(16, 1024, 64)], ids=str)

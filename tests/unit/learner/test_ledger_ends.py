@@ -13,7 +13,7 @@ from played import CONFIG, played
 
 from bpn_learner import ledger as ledger_module
 from bpn_learner.ledger import EpisodeLedger
-from bpn_learner.refusals import ANY_REASON, EpisodeImpossibleError, Refusals
+from bpn_learner.refusals import ANY_REASON, EpisodeImpossibleError, EpisodeRefusals
 from bpn_learner.storage import StorageError
 from bpn_shared.counters import Counters
 from bpn_shared.messages.control import Fault, NextEpisode
@@ -74,7 +74,7 @@ def test_what_is_stored_or_over_cannot_become_impossible(ledger: EpisodeLedger) 
 
 
 def test_reasons_that_change_have_an_end_too() -> None:
-    refusals = Refusals()
+    refusals = EpisodeRefusals()
     said = [refusals.add(2, f"reason {count}") for count in range(ANY_REASON)]
     assert said[:-1] == [None] * (ANY_REASON - 1)
     assert f"the last of {ANY_REASON} refusals" in str(said[-1])

@@ -11,7 +11,7 @@ from played import CONFIG, TASK, episode
 from bpn_learner import lease
 from bpn_learner.evaluations import Evaluations
 from bpn_learner.refusals import SAME_REASON
-from bpn_learner.trials import EVALUATION, Trials
+from bpn_learner.trials import EVALUATION, TrialLedger
 from bpn_shared.bnn.blob import WeightBlob
 from bpn_shared.messages.base import MessageError
 from bpn_shared.messages.control import Fault, NextEpisode
@@ -23,11 +23,11 @@ from bpn_shared.waiting import Waiting
 BLOB = replace(WeightBlob.random(CONFIG.network, np.random.default_rng(0)), attempt=2, version=4)
 
 
-def make(alive: set[str] | None = None, count: int = 2) -> Trials:
-    return Trials(CONFIG, BLOB, count=count, alive=alive)
+def make(alive: set[str] | None = None, count: int = 2) -> TrialLedger:
+    return TrialLedger(CONFIG, BLOB, count=count, alive=alive)
 
 
-def ask(trials: Trials, slot: int) -> int | None:
+def ask(trials: TrialLedger, slot: int) -> int | None:
     told = trials.next(NextEpisode(slot=slot, worker=f"edge-{slot}"))
     return told.episode if told.verdict == "play" else None
 

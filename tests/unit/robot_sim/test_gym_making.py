@@ -15,9 +15,15 @@ from bpn_shared.spec.gym import GymOptions
 FILES = st.sampled_from(
     ("/etc/hostname", "./own.xml", "..", "~/own.xml", "own/model.xml", "C:\\own.xml")
 )
+NAMES = st.text(max_size=8)  # so that all together stay below what the arguments may be long
 INSIDE = st.recursive(
-    FILES, lambda inner: st.lists(inner, min_size=1, max_size=2) | st.dictionaries(st.text(), inner, min_size=1)
-)  # fmt: skip
+    FILES,
+    lambda inner: (
+        st.lists(inner, min_size=1, max_size=2)
+        | st.dictionaries(NAMES, inner, min_size=1, max_size=2)
+    ),
+    max_leaves=6,
+)
 
 
 def made(task: str, arguments: dict[str, Any]) -> Any:

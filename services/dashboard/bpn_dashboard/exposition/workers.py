@@ -1,7 +1,7 @@
 """Workers: how many of which kind, what is missing, what they refused, and how each one is."""
 
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Literal, get_args
 
 from prometheus_client.metrics_core import Metric
@@ -20,6 +20,13 @@ MOST_WORKERS = 1000
 KINDS: tuple[Role, ...] = get_args(Role)
 _State = Literal["idle", "working", "silent"]
 _LABELS = ("kind", "worker")
+_OF_EACH: tuple[tuple[str, str, Callable[[Node], float]], ...] = (
+    ("bpn_worker_report_age_seconds", "Since its last report; it reports every second.",
+     lambda node: node.age_s or 0.0),
+    ("bpn_worker_waiting_seconds", "For how long it has waited for something; 0: it does not.",
+     lambda node: node.waiting_s),
+    ("bpn_worker_resident_memory_bytes", "Resident memory.", lambda node: node.rss_bytes or 0),
+)  # fmt: skip
 
 
 def collect(
@@ -71,18 +78,8 @@ def _single_workers(nodes: list[Node]) -> Iterator[Metric]:
             for node, labels in heard
         ],
     )  # fmt: skip
-    yield gauge(
-        "bpn_worker_report_age_seconds", "Since its last report; it reports every second.", _LABELS,
-        [(labels, node.age_s or 0.0) for node, labels in heard],
-    )  # fmt: skip
-    yield gauge(
-        "bpn_worker_waiting_seconds", "For how long it has waited for something; 0: it does not.",
-        _LABELS, [(labels, node.waiting_s) for node, labels in heard],
-    )  # fmt: skip
-    yield gauge(
-        "bpn_worker_resident_memory_bytes", "Resident memory.", _LABELS,
-        [(labels, node.rss_bytes or 0) for node, labels in heard],
-    )  # fmt: skip
+    for name, meaning, value in _OF_EACH:
+        yield gauge(name, meaning, _LABELS, [(labels, value(node)) for node, labels in heard])
     yield counter(
         "bpn_worker_refusals", "What it refused or could not do, by its own counter.",
         [*_LABELS, "counter"],

@@ -17,6 +17,7 @@ from bpn_shared.runs.files import write_atomically
 from bpn_shared.runs.folder import RunFolder
 from bpn_shared.runs.opening import read_file
 from bpn_shared.spec.config import ConfigError
+from bpn_shared.spec.renamed import renamed, renamed_grid
 
 _FILE = "about.json"
 SWEEPS = "sweeps"
@@ -26,7 +27,20 @@ _REMEDY = (
 )
 
 
-class About(BaseModel):
+class _Mirror(BaseModel):
+    """A row as a file."""
+
+    @classmethod
+    def decode(cls, data: bytes) -> Self:
+        """Reads what `write` wrote, and files without a digest, of before there was one.
+
+        Raises:
+            DamagedError, ValidationError: damaged.
+        """
+        return cls.model_validate_json(json.dumps(unseal(data)[0]))
+
+
+class About(_Mirror):
     """The mirrored columns of `RunRow`. What another version wrote beside them stays in the file."""
 
     model_config = ConfigDict(frozen=True, extra="ignore", from_attributes=True)
@@ -54,15 +68,6 @@ class About(BaseModel):
         except (OSError, ValueError) as error:
             raise ConfigError(f"{folder.path / _FILE}: {error}; {_REMEDY}") from error
 
-    @classmethod
-    def decode(cls, data: bytes) -> Self:
-        """Reads what `write` wrote, and files without a digest, of before there was one.
-
-        Raises:
-            DamagedError, ValidationError: damaged.
-        """
-        return cls.model_validate_json(json.dumps(unseal(data)[0]))
-
     def columns(self) -> dict[str, Any]:
         """The columns but for the name, which may be left to be made up."""
         return self.model_dump(exclude={"name"})
@@ -76,7 +81,7 @@ class About(BaseModel):
         folder.write(_FILE, seal(about))
 
 
-class SweepFile(BaseModel):
+class SweepFile(_Mirror):
     """A sweep's row as a file."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", from_attributes=True)
@@ -115,9 +120,7 @@ class SweepFile(BaseModel):
 
     @classmethod
     def decode(cls, data: bytes) -> Self:
-        """Reads what `write` wrote, and files without a digest, of before there was one.
-
-        Raises:
-            DamagedError, ValidationError: damaged.
-        """
-        return cls.model_validate_json(json.dumps(unseal(data)[0]))
+        """As every mirror's; values that had another name then have today's."""
+        sweep = super().decode(data)
+        today = {"config": renamed(sweep.config), "grid": renamed_grid(sweep.grid)}
+        return sweep.model_copy(update=today)

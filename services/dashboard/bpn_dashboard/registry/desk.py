@@ -18,7 +18,7 @@ from bpn_dashboard.registry.circumstances import Queue, around
 from bpn_dashboard.registry.leases import Demand, LeaseBook, Place
 from bpn_dashboard.registry.losses import Loss, Losses
 from bpn_dashboard.registry.setbacks import GiveBack, Setbacks
-from bpn_dashboard.registry.versions import Refusals, Refused, why_refused, why_reported
+from bpn_dashboard.registry.versions import Refused, RefusedWorkers, why_refused, why_reported
 from bpn_shared.bus import keys
 from bpn_shared.bus.requests import RefusedError
 from bpn_shared.counters import Counters
@@ -61,9 +61,9 @@ class LeaseDesk:
         counters.add("learner_deaths", 0)  # what rises from nothing shall be seen to rise
         self._lock = threading.Lock()
         self._book, self._losses, self._setbacks = LeaseBook(), Losses(), Setbacks()
-        self._refusals = Refusals()
+        self._refusals = RefusedWorkers()
         self._alive: set[str] = set()
-        self._gpus: dict[str, bool] = {}  # of learners that have asked for work and told
+        self._told: dict[str, LeaseRequest] = {}  # by connected workers, when they asked last
         self._iterations: dict[str, int] = {}  # of runs that are wanted
         self._given_up: dict[str, str] = {}
         self._router = ""
@@ -80,7 +80,7 @@ class LeaseDesk:
             else:
                 self._alive.discard(worker)
                 self._refusals.gone(worker)
-                self._gpus.pop(worker, None)
+                self._told.pop(worker, None)
                 self._book.gone(worker)
 
     def on_lease(self, key: str, appeared: bool) -> None:
@@ -134,8 +134,7 @@ class LeaseDesk:
                 self._refusals.note(asked.role, asked.worker, reason, now_s)
                 raise RefusedError(reason)
             self._losses.heard_of(asked.worker)
-            if asked.gpu is not None:
-                self._gpus[asked.worker] = asked.gpu
+            self._told[asked.worker] = asked
             places = self._book.candidates(asked.role, asked.worker, asked.label, now_s)
             self._take_back(asked, now_s)
             places = [p for p in places if self._may_offer(p, asked.worker, now_s)]
@@ -145,10 +144,10 @@ class LeaseDesk:
                 return reply.encode()
         return LeaseReply(verdict="wait", retry_s=RETRY_S).encode()
 
-    def gpus(self) -> list[bool]:
-        """Of every connected learner that has told, whether it has a GPU."""
+    def told(self) -> list[LeaseRequest]:
+        """What every connected worker that has asked for work told of itself then."""
         with self._lock:
-            return list(self._gpus.values())
+            return list(self._told.values())
 
     def _grant(self, place: Place, worker: str) -> bool:
         with self._lock:

@@ -102,7 +102,7 @@ class Candidate:
         self._bus, self._lead, self._counters = bus, lead, counters
         host = re.sub(r"[^A-Za-z0-9_.-]", "-", platform.node()) or "unknown"
         self._key = keys.serving(host, str(os.getpid()), name)
-        self._lock = threading.Lock()
+        self._news = threading.Condition()
         self._election = Election(self._key, time.monotonic())
         self._token: Token | None = None
         self._leads = False  # that is, `lead` has heard so
@@ -115,30 +115,38 @@ class Candidate:
     @property
     def serves(self) -> bool:
         """Whether this one serves the router."""
-        with self._lock:
+        with self._news:
             return self._election.serves
 
     @property
     def rival(self) -> Rival | None:
         """Who serves instead."""
-        with self._lock:
+        with self._news:
             return self._election.rival
 
     @property
     def settled(self) -> bool:
         """Whether it is known who serves."""
-        with self._lock:
+        with self._news:
             return self._election.settled
+
+    def wait_settled(self, timeout_s: float) -> None:
+        """Returns as soon as it is known who serves, this one takes part no more, or the time is over."""
+        with self._news:
+            self._news.wait_for(lambda: self._election.settled or self._closed.is_set(), timeout_s)
 
     def close(self) -> None:
         """Takes part no more; the token goes with the session."""
-        self._closed.set()
+        with self._news:
+            self._closed.set()
+            self._news.notify_all()
         self._thread.join()
         self._watch.close()
 
     def _on_token(self, key: str, appeared: bool) -> None:
-        with self._lock:
+        with self._news:
             self._election.token(key, appeared, time.monotonic())
+            self._news.notify_all()
 
     def _run(self) -> None:
         while not self._closed.wait(_PERIOD_S):
@@ -150,12 +158,13 @@ class Candidate:
                 )
 
     def _decide(self) -> None:
-        with self._lock:
+        with self._news:
             if (router := self._bus.router) != self._router:
                 self._router = router
                 self._election.reconnected(time.monotonic())
             serves = self._election.decide(time.monotonic(), connected=self._bus.connected)
             rival = self._election.rival
+            self._news.notify_all()
         if serves == self._leads:
             return
         if serves and self._token is None:

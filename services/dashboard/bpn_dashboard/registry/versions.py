@@ -53,7 +53,7 @@ def _sentence(role: str, worker: str, protocol: int, version: str) -> str | None
     )
 
 
-class Refusals:
+class RefusedWorkers:
     """Remembers whom, for those who wonder why nobody works. Not thread-safe."""
 
     def __init__(self) -> None:

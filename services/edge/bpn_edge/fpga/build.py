@@ -2,7 +2,14 @@
 
 from dataclasses import dataclass
 
-from bpn_shared.spec.network import MAX_ACTIONS, MAX_CHANNELS, MAX_NODES, NetworkSpec
+from bpn_shared.spec.network import (
+    IMAGE_SIZE_PX,
+    MAX_ACTIONS,
+    MAX_CHANNELS,
+    MAX_HIDDEN_UNITS,
+    PAPER_CONVOLUTIONS,
+    NetworkSpec,
+)
 
 LANES = 16
 """Outputs, and inputs, of the XNOR engine in one clock."""
@@ -17,7 +24,7 @@ class Build:
     Args:
         pixel_bytes: bytes of pixels that conv1 takes in one clock: 1, 2, 4, 8 or 16.
         channels: the largest C.
-        nodes: the largest N.
+        hidden_units: the largest N.
         actions: the largest |A|.
 
     Raises:
@@ -26,13 +33,17 @@ class Build:
 
     pixel_bytes: int = 4
     channels: int = MAX_CHANNELS
-    nodes: int = 256
+    hidden_units: int = 256
     actions: int = MAX_ACTIONS
 
     def __post_init__(self) -> None:
         if self.pixel_bytes not in {1, 2, 4, 8, 16}:
             raise ValueError(f"pixel_bytes = {self.pixel_bytes} must be 1, 2, 4, 8 or 16")
-        for name, most in (("channels", MAX_CHANNELS), ("nodes", MAX_NODES - 1), ("actions", MAX_ACTIONS)):
+        for name, most in (
+            ("channels", MAX_CHANNELS),
+            ("hidden_units", MAX_HIDDEN_UNITS - 1),
+            ("actions", MAX_ACTIONS),
+        ):
             if not 2 <= getattr(self, name) <= most:
                 raise ValueError(f"{name} = {getattr(self, name)} must be in 2..{most}")
 
@@ -47,9 +58,11 @@ class Build:
 
     def why_not(self, spec: NetworkSpec) -> str | None:
         """Why a network does not run on this build; None: it does."""
+        if spec.convolutions != PAPER_CONVOLUTIONS or spec.image_px != IMAGE_SIZE_PX:
+            return f"the core runs the paper's convolutions over {IMAGE_SIZE_PX} x {IMAGE_SIZE_PX} pixels, not {spec}"
         for name, size, most in (
             ("C", spec.channels, self.channels),
-            ("N", spec.nodes, self.nodes),
+            ("N", spec.hidden_units, self.hidden_units),
             ("|A|", spec.actions, self.actions),
         ):
             if size > most:

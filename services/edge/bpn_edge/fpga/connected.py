@@ -34,5 +34,7 @@ def connected_core() -> Transport:
     try:
         offset = int(address or "0", 0)
     except ValueError as error:
-        raise ConfigError(f"{WHERE} = {named!r}: {address!r} is no address such as 0xA0000000") from error
+        raise ConfigError(
+            f"{WHERE} = {named!r}: {address!r} is no address such as 0xA0000000"
+        ) from error
     return MappedCore(path, offset)

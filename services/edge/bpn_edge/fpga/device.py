@@ -98,10 +98,11 @@ class Device:
     def memories(self, bank: int, spec: NetworkSpec) -> tuple[Words, Words, Words]:
         """What is in a bank's memories, as `packing.memories` has it."""
         beats, lanes = self.build.beats(spec.channels), self.build.pixel_bytes
-        node_groups, action_groups = groups(spec.nodes), groups(spec.actions)
+        node_groups, action_groups = groups(spec.hidden_units), groups(spec.actions)
         with self._lock:
             rows = [
-                self._memory(CONV1, bank, (row << self.build.beat_bits) * lanes, beats * lanes) for row in range(BLOCK_PX)
+                self._memory(CONV1, bank, (row << self.build.beat_bits) * lanes, beats * lanes)
+                for row in range(BLOCK_PX)
             ]
             thresholds = self._memory(THRESHOLDS, bank, 0, spec.layers[0].out_channels)
             engine = self._memory(ENGINE, bank, 0, 8 * engine_words(node_groups, action_groups))
@@ -115,12 +116,18 @@ class Device:
         """
         return packing.parameters(self.build, spec, self.memories(bank, spec))
 
-    def trace(self, bank: int, spec: NetworkSpec, observation: Observation) -> tuple[tuple[Observation, ...], Integers]:
+    def trace(
+        self, bank: int, spec: NetworkSpec, observation: Observation
+    ) -> tuple[tuple[Observation, ...], Integers]:
         """One inference with the activations of layers 1-4, uint8, flattened; and o_5."""
         with self._lock:
             outputs = self.run(bank, spec, observation)
             conv1 = self._map(CONV1_MAP, 0, spec.layers[0].out_size ** 2 // 2)
-            maps = (self._map(MAPS, 0, 81), self._map(MAPS, 128, 49), self._map(MAPS, 192, groups(spec.nodes))[: spec.nodes])
+            maps = (
+                self._map(MAPS, 0, 81),
+                self._map(MAPS, 128, 49),
+                self._map(MAPS, 192, groups(spec.hidden_units))[: spec.hidden_units],
+            )
         return (conv1, *maps), outputs
 
     def clocks(self) -> tuple[int, int]:
@@ -138,7 +145,9 @@ class Device:
 
     def _memory(self, region: int, bank: int, begin: int, count: int) -> Words:
         self._transport.write(registers.READ_ADDRESS, region << 28 | bank << 27 | begin)
-        return np.array([self._transport.read(registers.READ_DATA) for _ in range(count)], np.uint32)
+        return np.array(
+            [self._transport.read(registers.READ_DATA) for _ in range(count)], np.uint32
+        )
 
     def _selected(self) -> int | None:
         selected = self._transport.read(registers.SELECT)
@@ -153,5 +162,7 @@ class Device:
         self._transport.write(registers.INTERRUPT, awaited)
         if not self._transport.wait_event(_TIMEOUT_S):
             status = self._transport.read(registers.STATUS)
-            raise DeviceError(f"the core does not answer within {_TIMEOUT_S:g} s; its status is 0x{status:x}")
+            raise DeviceError(
+                f"the core does not answer within {_TIMEOUT_S:g} s; its status is 0x{status:x}"
+            )
         return self._transport.read(registers.EVENTS) & awaited

@@ -35,7 +35,9 @@ class MappedCore:
             self._memory = mmap.mmap(self._file, _SIZE, offset=offset)
         except (OSError, ValueError) as error:
             os.close(self._file)
-            raise ConfigError(f"kernel 'fpga' cannot map {path} at 0x{offset:x}: {error}") from error
+            raise ConfigError(
+                f"kernel 'fpga' cannot map {path} at 0x{offset:x}: {error}"
+            ) from error
         self._words = (ctypes.c_uint32 * (_SIZE // 4)).from_buffer(self._memory)
         self._interrupts = path.startswith("/dev/uio")
 
@@ -49,7 +51,11 @@ class MappedCore:
 
     def send_frame(self, beats: npt.NDArray[np.uint8]) -> None:
         """See `Transport.send_frame`."""
-        self._push(np.ascontiguousarray(beats).view("<u4").reshape(-1), registers.PIXELS, registers.PIXELS_LAST)
+        self._push(
+            np.ascontiguousarray(beats).view("<u4").reshape(-1),
+            registers.PIXELS,
+            registers.PIXELS_LAST,
+        )
 
     def send_set(self, words: npt.NDArray[np.uint32]) -> None:
         """See `Transport.send_set`."""

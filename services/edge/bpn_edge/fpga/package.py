@@ -19,11 +19,13 @@ def set_identity(build: Build) -> int:
 
 def render(build: Build) -> str:
     """The package's text."""
-    conv1, conv2, conv3, _, _ = NetworkSpec(build.channels, build.nodes, build.actions).layers
-    node_groups, action_groups = groups(build.nodes), groups(build.actions)
+    conv1, conv2, conv3, _, _ = NetworkSpec(
+        build.channels, build.hidden_units, build.actions
+    ).layers
+    node_groups, action_groups = groups(build.hidden_units), groups(build.actions)
     group_w, action_group_w = node_groups.bit_length() + (node_groups == 1), 3
     beat_w = build.beat_bits
-    most_matches = max(conv3.out_size**2 * conv3.out_channels + 1, build.nodes)
+    most_matches = max(conv3.out_size**2 * conv3.out_channels + 1, build.hidden_units)
     g_actions = 5
     g_nodes = g_actions + 7
     g_action_groups = g_nodes + 11
@@ -33,7 +35,7 @@ def render(build: Build) -> str:
         "The build": {
             "BYTES": build.pixel_bytes,
             "MAX_CHANNELS": build.channels,
-            "MAX_NODES": build.nodes,
+            "MAX_HIDDEN_UNITS": build.hidden_units,
             "MAX_ACTIONS": build.actions,
         },
         "Geometry": {
@@ -71,12 +73,18 @@ def render(build: Build) -> str:
         },
     }
     assert conv2.out_size**2 <= 128
-    lines = ["// Written by bpn_edge.fpga.package for a build; registers from registers.rdl.", "package bpn;"]
+    lines = [
+        "// Written by bpn_edge.fpga.package for a build; registers from registers.rdl.",
+        "package bpn;",
+    ]
     for comment, values in numbers.items():
         lines.append(f"  // {comment}.")
         lines += [f"  localparam int {name} = {value};" for name, value in values.items()]
     lines.append("  // Identities, and registers by number.")
     lines.append(f"  localparam logic [31:0] IDENTITY = 32'h{IDENTITY:08x};")
     lines.append(f"  localparam logic [31:0] SET_IDENTITY = 32'h{set_identity(build):08x};")
-    lines += [f"  localparam logic [7:0] R_{name} = 8'h{offset // 4:02x};" for name, offset in registers.OFFSETS.items()]
+    lines += [
+        f"  localparam logic [7:0] R_{name} = 8'h{offset // 4:02x};"
+        for name, offset in registers.OFFSETS.items()
+    ]
     return "\n".join((*lines, "endpackage", ""))

@@ -16,7 +16,7 @@ from bpn_edge.fpga.package import set_identity
 from bpn_shared.bnn.blob import Parameters, WeightBlob, canonical_thresholds
 from bpn_shared.bnn.envelope import BlobError
 from bpn_shared.bnn.golden import Observation
-from bpn_shared.spec.network import LAYERS, Layer, NetworkSpec
+from bpn_shared.spec.network import Layer, NetworkSpec
 
 Words = npt.NDArray[np.uint32]
 Bits = npt.NDArray[np.uint8]
@@ -27,7 +27,7 @@ _NEVER = -785
 def weight_set(build: Build, blob: WeightBlob, *, bank: int, epoch: int) -> Words:
     """The set that loads a policy into a bank, uint32[n]."""
     spec = blob.spec
-    sizes = spec.channels | bank << 7 | spec.actions << 8 | spec.nodes << 16
+    sizes = spec.channels | bank << 7 | spec.actions << 8 | spec.hidden_units << 16
     header = np.array([set_identity(build), sizes, epoch], np.uint32)
     body = np.concatenate((header, *memories(build, blob)))
     return np.append(body, np.uint32(zlib.crc32(body.astype("<u4").tobytes())))
@@ -44,9 +44,13 @@ def memories(build: Build, blob: WeightBlob) -> tuple[Words, Words, Words]:
         for layer, tau, bit in zip((conv2, conv3), blob.thresholds[1:], bits[1:], strict=False)
         for part in (_biases(layer, tau), _words(bit.reshape(LANES, -1, LANES)))
     ]
-    fc1_bits = _padded(bits[3], node_groups * LANES, axis=0, with_=0).reshape(node_groups, LANES, -1, LANES)
+    fc1_bits = _padded(bits[3], node_groups * LANES, axis=0, with_=0).reshape(
+        node_groups, LANES, -1, LANES
+    )
     fc2_bits = _padded(bits[4], node_groups * LANES, axis=1, with_=1)
-    fc2_bits = _padded(fc2_bits, groups(blob.spec.actions) * LANES, axis=0, with_=1).reshape(-1, LANES, node_groups, LANES)
+    fc2_bits = _padded(fc2_bits, groups(blob.spec.actions) * LANES, axis=0, with_=1).reshape(
+        -1, LANES, node_groups, LANES
+    )
     engine = np.concatenate(
         (
             *convolutions,
@@ -65,17 +69,30 @@ def parameters(build: Build, spec: NetworkSpec, held: tuple[Words, Words, Words]
         BlobError: they hold what no policy is stored as.
     """
     conv1, conv2, conv3, fc1, fc2 = spec.layers
-    node_groups, action_groups = groups(spec.nodes), groups(spec.actions)
-    sides = _unpacked(held[0]).reshape(4, build.beats(spec.channels), 2, 2, conv1.out_channels, build.pixel_bytes)
-    sides = sides.transpose(4, 2, 0, 3, 1, 5).reshape(conv1.out_channels, 2, 4, 2, -1)  # output, half, row, half, byte
+    node_groups, action_groups = groups(spec.hidden_units), groups(spec.actions)
+    sides = _unpacked(held[0]).reshape(
+        4, build.beats(spec.channels), 2, 2, conv1.out_channels, build.pixel_bytes
+    )
+    sides = sides.transpose(4, 2, 0, 3, 1, 5).reshape(
+        conv1.out_channels, 2, 4, 2, -1
+    )  # output, half, row, half, byte
     words = held[2].reshape(-1, 8)
     at = np.cumsum((0, 1, 8, 1, 9, node_groups, 49 * node_groups, action_groups * node_groups))
     parts = [words[begin:end] for begin, end in zip(at[:-1], at[1:], strict=True)]
     bits = {
         "conv1": sides[..., : BLOCK_PX * spec.channels].reshape(conv1.weight_shape),
-        "conv2": _unpacked(parts[1]).reshape(-1, LANES, LANES).transpose(1, 0, 2).reshape(conv2.weight_shape),
-        "conv3": _unpacked(parts[3]).reshape(-1, LANES, LANES).transpose(1, 0, 2).reshape(conv3.weight_shape),
-        "fc1": _unpacked(parts[5]).reshape(49, -1, LANES).transpose(1, 0, 2).reshape(-1, fc1.fan_in)[: spec.nodes],
+        "conv2": _unpacked(parts[1])
+        .reshape(-1, LANES, LANES)
+        .transpose(1, 0, 2)
+        .reshape(conv2.weight_shape),
+        "conv3": _unpacked(parts[3])
+        .reshape(-1, LANES, LANES)
+        .transpose(1, 0, 2)
+        .reshape(conv3.weight_shape),
+        "fc1": _unpacked(parts[5])
+        .reshape(49, -1, LANES)
+        .transpose(1, 0, 2)
+        .reshape(-1, fc1.fan_in)[: spec.hidden_units],
         "fc2": _unpacked(parts[6])
         .reshape(action_groups, node_groups, LANES, LANES)
         .transpose(0, 2, 1, 3)
@@ -87,8 +104,8 @@ def parameters(build: Build, spec: NetworkSpec, held: tuple[Words, Words, Words]
     }
     found = WeightBlob(
         spec,
-        tuple((bits[name].astype(np.int8) * 2 - 1) for name in LAYERS),
-        tuple(taus[name] for name in LAYERS[:-1]),
+        tuple((bits[name].astype(np.int8) * 2 - 1) for name in bits),
+        tuple(taus[name] for name in taus),
         scale=1.0,
     )
     if any(not np.array_equal(a, b) for a, b in zip(memories(build, found), held, strict=True)):
@@ -109,8 +126,12 @@ def beats(build: Build, observation: Observation) -> Bits:
 
 def _conv1_words(build: Build, conv1: Layer, bits: Bits) -> Words:
     channels, width = conv1.in_channels, build.beats(conv1.in_channels) * build.pixel_bytes
-    sides = bits.reshape(conv1.out_channels, 2, 4, 2, BLOCK_PX * channels)  # output, half, row, half, byte
-    sides = _padded(sides, width, axis=4, with_=0).reshape(conv1.out_channels, 2, 4, 2, -1, build.pixel_bytes)
+    sides = bits.reshape(
+        conv1.out_channels, 2, 4, 2, BLOCK_PX * channels
+    )  # output, half, row, half, byte
+    sides = _padded(sides, width, axis=4, with_=0).reshape(
+        conv1.out_channels, 2, 4, 2, -1, build.pixel_bytes
+    )
     return _packed(sides.transpose(2, 4, 1, 3, 0, 5))  # row, beat | half, half, output, byte
 
 
@@ -122,7 +143,11 @@ def _words(bits: Bits) -> Words:
 def _biases(layer: Layer, tau: npt.NDArray[np.int32]) -> Words:
     """A sum of agreeing inputs that begins here is not below 0 iff o >= tau."""
     least = (canonical_thresholds(layer, tau) + layer.fan_in) // 2
-    return _padded(-least.astype(np.int16), groups(len(tau)) * LANES, axis=0, with_=_NEVER).view("<u4").astype(np.uint32)
+    return (
+        _padded(-least.astype(np.int16), groups(len(tau)) * LANES, axis=0, with_=_NEVER)
+        .view("<u4")
+        .astype(np.uint32)
+    )
 
 
 def _thresholds(layer: Layer, biases: Words) -> npt.NDArray[np.int32]:
@@ -137,7 +162,11 @@ def _padded(values: npt.NDArray[Any], size: int, *, axis: int, with_: int) -> np
 
 
 def _packed(bits: Bits) -> Words:
-    return np.packbits(np.ascontiguousarray(bits).reshape(-1), bitorder="little").view("<u4").astype(np.uint32)
+    return (
+        np.packbits(np.ascontiguousarray(bits).reshape(-1), bitorder="little")
+        .view("<u4")
+        .astype(np.uint32)
+    )
 
 
 def _unpacked(words: Words) -> Bits:

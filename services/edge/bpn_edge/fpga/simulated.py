@@ -37,12 +37,18 @@ class SimulatedCore:
     def read(self, register: int) -> int:
         """See `Transport.read`."""
         value = ctypes.c_uint32()
-        self._check(self._library.bpn_read(self._model, register, ctypes.byref(value)), f"reading 0x{register:03x}")
+        self._check(
+            self._library.bpn_read(self._model, register, ctypes.byref(value)),
+            f"reading 0x{register:03x}",
+        )
         return value.value
 
     def write(self, register: int, value: int, *, strobes: int = 0xF) -> None:
         """See `Transport.write`."""
-        self._check(self._library.bpn_write(self._model, register, value, strobes), f"writing 0x{register:03x}")
+        self._check(
+            self._library.bpn_write(self._model, register, value, strobes),
+            f"writing 0x{register:03x}",
+        )
 
     def send_frame(self, beats: npt.NDArray[np.uint8], *, last: bool = True) -> None:
         """See `Transport.send_frame`; `last` is whether TLAST is set."""
@@ -54,7 +60,9 @@ class SimulatedCore:
 
     def wait_event(self, timeout_s: float) -> bool:
         """See `Transport.wait_event`."""
-        return bool(self._library.bpn_run_to_interrupt(self._model, int(timeout_s * _CLOCKS_A_SECOND)))
+        return bool(
+            self._library.bpn_run_to_interrupt(self._model, int(timeout_s * _CLOCKS_A_SECOND))
+        )
 
     def dawdle(self, *, pixels: int = 0, weights: int = 0, registers: int = 0) -> None:
         """How many of 256 clocks are gaps, in each of the streams and at the registers."""
@@ -70,7 +78,9 @@ class SimulatedCore:
 
     def unsent(self) -> tuple[int, int]:
         """Beats of pixels, and words of weights, that the core has not taken yet."""
-        return tuple(self._library.bpn_unsent(self._model, stream) for stream in (_PIXELS, _WEIGHTS))  # type: ignore[return-value]
+        return tuple(
+            self._library.bpn_unsent(self._model, stream) for stream in (_PIXELS, _WEIGHTS)
+        )  # type: ignore[return-value]
 
     def forget_unsent(self) -> None:
         """Takes back what was not sent yet."""

@@ -4,11 +4,12 @@ Each is an entry point of the group `bpn.kernels`, the project's own too; docs/o
 """
 
 from collections.abc import Callable
+from importlib.util import find_spec
 
 from bpn_edge.kernel.protocol import Kernel
 from bpn_shared import plugins
 
-__all__ = ["Kernel", "banks", "load"]
+__all__ = ["Kernel", "banks", "load", "usable_kernels"]
 
 
 def load(name: str) -> Kernel:
@@ -20,6 +21,12 @@ def load(name: str) -> Kernel:
     """
     kernel: Kernel = plugins.find(plugins.KERNELS, name).call()
     return kernel
+
+
+def usable_kernels() -> tuple[str, ...]:
+    """Names of those that are installed here with what they need; imports none of them."""
+    installed = plugins.names(plugins.KERNELS)
+    return tuple(name for name in installed if name != "onnx" or find_spec("onnxruntime"))
 
 
 def banks(name: str) -> tuple[Kernel, Kernel]:

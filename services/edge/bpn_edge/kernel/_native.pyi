@@ -9,7 +9,8 @@ class Network:
     def __init__(
         self,
         path: str,
-        channels: int,
+        any_shape: bool,
+        layers: Sequence[tuple[int, int, int, int, int]],
         weights: Sequence[npt.NDArray[np.int8]],
         thresholds: Sequence[npt.NDArray[np.int32]],
         /,
@@ -22,10 +23,4 @@ class Network:
     def memory(self) -> npt.NDArray[np.uint8]: ...
     def trace(
         self, observation: npt.NDArray[np.uint8], /
-    ) -> tuple[
-        npt.NDArray[np.uint8],
-        npt.NDArray[np.uint8],
-        npt.NDArray[np.uint8],
-        npt.NDArray[np.uint8],
-        npt.NDArray[np.int32],
-    ]: ...
+    ) -> tuple[tuple[npt.NDArray[np.uint8], ...], npt.NDArray[np.int32]]: ...

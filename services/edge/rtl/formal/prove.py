@@ -35,7 +35,11 @@ PROPERTIES = {
     "axi_lite": Property(("bpn_axi_lite.sv",), {}),
     "frame_gate": Property(
         ("bpn_frame_gate.sv",),
-        {"gate_state": "u_gate.state", "gate_held": "u_gate.held", "gate_final_beat": "u_gate.final_beat"},
+        {
+            "gate_state": "u_gate.state",
+            "gate_held": "u_gate.held",
+            "gate_final_beat": "u_gate.final_beat",
+        },
     ),
     "banks_and_flight": Property(
         ("bpn_loader.sv", "bpn_banks.sv", "bpn_flight.sv", "formal/any_crc.sv"),
@@ -61,7 +65,9 @@ def prove(name: str) -> bool:
             done = subprocess.run(command, capture_output=True, text=True, check=False)
             passed = done.returncode == 0
             kind = "induction" if what else "from reset"
-            print(f"{name}: {kind}, {of.clocks} clocks: {'proven' if passed else 'FAILED'} ({time.monotonic() - began_s:.1f} s)")
+            print(
+                f"{name}: {kind}, {of.clocks} clocks: {'proven' if passed else 'FAILED'} ({time.monotonic() - began_s:.1f} s)"
+            )
             if not passed:
                 print(done.stdout[-3000:])
                 return False

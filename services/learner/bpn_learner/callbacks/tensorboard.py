@@ -6,15 +6,10 @@ The metrics line in the run folder is the truth; nothing reads these files back.
 from collections.abc import Mapping
 
 from bpn_learner.callbacks.callback import Callback, RunEnd, TrainingRun, UpdateEnd
-from bpn_shared.spec.config import ConfigError
+from bpn_learner.callbacks.extras import check_extra
 
-try:
-    from torch.utils.tensorboard import SummaryWriter
-except ModuleNotFoundError as error:
-    raise ConfigError(
-        f"tensorboard = True needs {error.name}, which is not installed: "
-        "pip install 'bpn-learner[tensorboard]'"
-    ) from error
+check_extra("tensorboard")
+from torch.utils.tensorboard import SummaryWriter  # noqa: E402
 
 
 class TensorBoard(Callback):

@@ -6,6 +6,7 @@ import numpy as np
 
 from bpn_robot.frame import Frame
 from bpn_robot.robot import Info, check_action
+from bpn_robot_sim.backlash import Backlash
 from bpn_robot_sim.pan_tilt import backdrop, geometry, scene
 from bpn_robot_sim.pan_tilt.geometry import Angles
 from bpn_robot_sim.physics import Physics
@@ -47,7 +48,7 @@ class PanTiltRobot(SceneRobot):
         """The agent at rest in the middle, the marker where the seed puts it; see `Robot.reset`."""
         random = np.random.default_rng(seed)
         while True:
-            self._start(phase_deg=float(random.uniform(0, 360)))
+            self._start(float(random.uniform(0, 360)), seed)
             if self._marker_is_whole():
                 return self.frame()
 
@@ -82,9 +83,10 @@ class PanTiltRobot(SceneRobot):
         goals_deg = np.array([self._goal_after(action) for action in range(self.task.actions)])
         return int(np.argmin(np.linalg.norm(goals_deg - aim_deg, axis=1)))
 
-    def _start(self, phase_deg: float) -> None:
+    def _start(self, phase_deg: float, seed: int = 0) -> None:
         self._start_phase_deg = phase_deg
         self._physics.reset()
+        self._backlash = Backlash(self.task.disturbances, seed, (0.0, 0.0))
         self._set_goal((0.0, 0.0))
         self._drive_target()
         data = self._physics.data
@@ -106,7 +108,8 @@ class PanTiltRobot(SceneRobot):
 
     def _set_goal(self, agent_deg: Angles) -> None:
         self._commanded_deg = agent_deg
-        self._physics.data.ctrl[:2] = [radians(angle) for angle in agent_deg]
+        outputs_deg = self._backlash.output(agent_deg)
+        self._physics.data.ctrl[:2] = [radians(angle) for angle in outputs_deg]
 
     def _drive_target(self) -> None:
         goal_deg = geometry.target_deg(self._phase_deg())

@@ -4,6 +4,7 @@ from math import degrees, dist, radians
 
 from bpn_robot.frame import Frame
 from bpn_robot.robot import Info, check_action
+from bpn_robot_sim.backlash import Backlash
 from bpn_robot_sim.physics import Physics
 from bpn_robot_sim.reaching import geometry, scene
 from bpn_robot_sim.scene_robot import SceneRobot
@@ -19,8 +20,8 @@ _CHECK_EVERY_STEPS = 4
 class ReachingRobot(SceneRobot):
     """A `Robot`: joint angles are commanded in whole degrees, which add up exactly.
 
-    Start and target are fixed (the paper, section V-A-1), so the seed changes nothing and no state ends
-    an episode.
+    Start and target are fixed (the paper, section V-A-1), so the seed changes nothing but the servos' backlash,
+    if there is any, and no state ends an episode.
 
     Raises:
         ConfigError: the task has other actions than this robot.
@@ -44,8 +45,7 @@ class ReachingRobot(SceneRobot):
 
     def reset(self, seed: int) -> Frame:
         """The start pose, at rest; see `Robot.reset`."""
-        del seed
-        self._start()
+        self._start(seed)
         return self.frame()
 
     def command(self, action: int) -> None:
@@ -73,15 +73,17 @@ class ReachingRobot(SceneRobot):
             "joint_deg": (degrees(q1), degrees(q2)),
         }
 
-    def _start(self) -> None:
+    def _start(self, seed: int = 0) -> None:
         self._physics.reset()
+        self._backlash = Backlash(self.task.disturbances, seed, geometry.START_DEG)
         self._set_goal(geometry.START_DEG)
         self._physics.data.qpos[:] = self._physics.data.ctrl
         self._physics.update()
 
     def _set_goal(self, joint_deg: tuple[int, int]) -> None:
         self._commanded_deg = joint_deg
-        self._physics.data.ctrl[:] = [radians(angle) for angle in joint_deg]
+        outputs_deg = self._backlash.output(joint_deg)
+        self._physics.data.ctrl[:] = [radians(angle) for angle in outputs_deg]
 
     def _settled(self) -> bool:
         data = self._physics.data

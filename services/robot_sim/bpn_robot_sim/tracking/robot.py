@@ -4,6 +4,7 @@ import numpy as np
 
 from bpn_robot.frame import Frame
 from bpn_robot.robot import Info, check_action
+from bpn_robot_sim.backlash import Backlash
 from bpn_robot_sim.physics import Physics
 from bpn_robot_sim.scene_robot import SceneRobot
 from bpn_robot_sim.tracking import geometry, scene
@@ -38,7 +39,7 @@ class TrackingRobot(SceneRobot):
 
     def reset(self, seed: int) -> Frame:
         """Target and window where the seed puts them, the window at rest; see `Robot.reset`."""
-        self._start(*geometry.start(seed))
+        self._start(*geometry.start(seed), seed)
         return self.frame()
 
     def command(self, action: int) -> None:
@@ -71,8 +72,9 @@ class TrackingRobot(SceneRobot):
         misses_px = [abs(self._goal_after(action) - x_px) for action in range(self.task.actions)]
         return int(np.argmin(misses_px))
 
-    def _start(self, phase_deg: float, window_px: float) -> None:
+    def _start(self, phase_deg: float, window_px: float, seed: int = 0) -> None:
         self._start_phase_deg = phase_deg
+        self._backlash = Backlash(self.task.disturbances, seed, [window_px])
         self._physics.reset()
         self._set_goal(window_px)
         self._physics.data.qpos[:] = self._physics.data.ctrl
@@ -83,7 +85,8 @@ class TrackingRobot(SceneRobot):
 
     def _set_goal(self, window_px: float) -> None:
         self._commanded_px = window_px
-        self._physics.data.ctrl[0] = window_px / geometry.PX_PER_M
+        (output_px,) = self._backlash.output([window_px])
+        self._physics.data.ctrl[0] = output_px / geometry.PX_PER_M
 
     def _place_target(self) -> None:
         target_px = geometry.target_world_px(self._phase_deg())

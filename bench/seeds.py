@@ -1,0 +1,171 @@
+"""Runs of Algorithm 1 in one process, for questions that need many seeds: the product's parts without its bus.
+
+Equal seeds give the weights that `bpn train` gives. One line of JSON an iteration, one file a run; what is there
+already is not computed again. One thread a run:
+
+    python bench/seeds.py reaching --seeds 7,8,9 --set lr_run_final_factor=0.02 --out build/seeds
+"""
+
+import argparse
+import json
+import time
+from collections import deque
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from bpn_edge import kernel as kernels
+from bpn_edge.policy import epsilon_greedy_action, softmax_action, softmax_weights
+from bpn_learner.export import export
+from bpn_learner.initial import initial_policy
+from bpn_learner.reward import function_of
+from bpn_learner.transitions import EpisodeData, Transitions
+from bpn_learner.update import UpdateConfig, policy_update
+from bpn_robot.robot import Robot
+from bpn_robot.robots import make_robot
+from bpn_shared.bnn.weights import Weights
+from bpn_shared.spec.config import RunConfig
+from bpn_shared.spec.observation import stack
+from bpn_shared.spec.seeds import action_uniforms, episode_seed, shuffle_generator
+
+GREEDY_SEED = 2**32
+"""Of greedy trials: starts that no training has."""
+
+
+class Player:
+    """Plays episodes with a policy, as robot and edge do in lockstep."""
+
+    def __init__(self, config: RunConfig) -> None:
+        self.config, self.task = config, config.task_spec
+        self.robot: Robot = make_robot(self.task)
+        self.kernel = kernels.load(config.kernel)
+        self.entropies: list[float] = []
+
+    def load(self, weights: Weights) -> None:
+        self.kernel.load(weights)
+        self.scale = weights.scale
+
+    def play(self, seed: int, epsilon: float, *, greedy: bool = False) -> EpisodeData:
+        config, robot = self.config, self.robot
+        frames = [robot.reset(seed)]
+        uniforms = action_uniforms(seed, config.steps)
+        actions: list[int] = []
+        told: list[float] = []
+        for step in range(config.steps):
+            seen = stack(frames, step, self.task.frames_stacked, difference=config.difference)
+            outputs = self.kernel.run(np.ascontiguousarray(seen))
+            if greedy:
+                action = int(np.argmax(outputs))
+            elif config.policy == "softmax":
+                pi = np.array(softmax_weights(outputs, self.scale, config.beta))
+                pi /= pi.sum()
+                self.entropies.append(float(-(pi * np.log(pi + 1e-300)).sum()))
+                action = softmax_action(outputs, self.scale, config.beta, uniforms[step])
+            else:
+                action = epsilon_greedy_action(outputs, epsilon, uniforms[step])
+            robot.command(action)
+            robot.settle()
+            frames.append(robot.frame())
+            told.append(robot.reward())
+            actions.append(action)
+            if robot.terminated or robot.truncated:
+                break
+        pixels = np.stack(frames)
+        reward = function_of(self.task)
+        rewards = np.array(told) if reward is None else reward(pixels, self.task)
+        return EpisodeData(pixels, np.array(actions, np.uint8), rewards, robot.terminated)
+
+
+def iterations(config: RunConfig, trials: int) -> Iterator[dict[str, Any]]:
+    """What each iteration came to."""
+    network, optimizer = initial_policy(config)
+    player = Player(config)
+    data: deque[list[EpisodeData]] = deque(maxlen=config.replay_iterations)
+    player.load(export(network))
+    for i in range(config.iterations):
+        start = time.process_time()
+        player.entropies = []
+        episodes = [
+            player.play(episode_seed(config.seed, i, e), config.epsilon(i))
+            for e in range(config.episodes)
+        ]
+        greedy = [player.play(GREEDY_SEED + k, 0.0, greedy=True) for k in range(trials)]
+        data.append(
+            [
+                EpisodeData(e.frames, e.actions, e.rewards * config.reward_scale, e.terminated)
+                for e in episodes
+            ]
+        )
+        D = Transitions.from_episodes(
+            [e for held in data for e in held],
+            frames_stacked=config.task_spec.frames_stacked,
+            difference=config.difference,
+        )
+        report = policy_update(
+            network, optimizer, D, UpdateConfig.of_iteration(config, i),
+            shuffle_generator(config.seed, i),
+        )  # fmt: skip
+        weights = export(network)
+        player.load(weights)
+        yield {
+            "iteration": i,
+            "return": float(np.mean([e.rewards.sum() for e in episodes])),
+            "length": float(np.mean([len(e.actions) for e in episodes])),
+            "greedy": [round(float(e.rewards.sum()), 2) for e in greedy],
+            "greedy_actions": greedy[0].actions.tolist() if greedy else [],
+            "entropy": float(np.mean(player.entropies)) if player.entropies else 0.0,
+            "distinct": len({f.tobytes() for e in episodes for f in e.frames}),
+            "loss_first": report.loss_first,
+            "loss": report.loss_last,
+            "max_preference": report.max_preference,
+            "scale": report.scale,
+            "saturation": report.saturation,
+            "sha256": weights.content_sha256()[:16],
+            "cpu_s": round(time.process_time() - start, 2),
+        }
+
+
+def value(text: str) -> Any:
+    try:
+        return json.loads(text)
+    except json.JSONDecodeError:
+        return text
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Makes the runs that are missing."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("task")
+    parser.add_argument("--seeds", default="0")
+    parser.add_argument("--set", nargs="*", default=[], metavar="NAME=VALUE")
+    parser.add_argument("--trials", type=int, default=1, help="greedy ones, every iteration")
+    parser.add_argument("--name", default="", help="of the setting; default: what is set")
+    parser.add_argument("--out", type=Path, default=Path("build/seeds"))
+    given = parser.parse_args(arguments)
+    changes = dict(pair.split("=", 1) for pair in given.set)
+    name = given.name or ",".join(given.set) or "preset"
+    given.out.mkdir(parents=True, exist_ok=True)
+    for seed in map(int, given.seeds.split(",")):
+        path = given.out / f"{given.task.replace(':', '_')}-{name}-s{seed}.jsonl"
+        if path.exists():
+            continue
+        config = RunConfig.for_task(
+            given.task, seed=seed, **{k: value(v) for k, v in changes.items()}
+        )
+        part = path.with_suffix(".part")
+        with part.open("w") as lines:
+            for record in iterations(config, given.trials):
+                lines.write(json.dumps(record) + "\n")
+                lines.flush()
+        part.rename(path)
+        returns = [json.loads(line)["return"] for line in path.read_text().splitlines()]
+        print(
+            f"{path.stem}: last ten {np.mean(returns[-10:]):.1f}, best {max(returns):.1f}",
+            flush=True,
+        )
+
+
+if __name__ == "__main__":
+    main()

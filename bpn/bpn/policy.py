@@ -1,0 +1,105 @@
+"""A trained policy: from an observation to preferences and an action."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from bpn_edge.kernel import load
+from bpn_edge.policy import softmax_action, softmax_weights
+from bpn_shared.bnn.weights import Weights
+from bpn_shared.spec.config import RunConfig
+from bpn_shared.spec.observation import stack
+from bpn_shared.spec.tasks import TaskSpec
+
+Observation = npt.NDArray[np.uint8]
+
+
+class Policy:
+    """One weights version of a run, on the kernel that an edge runs it on.
+
+    Args:
+        config: of the run.
+        weights: of the run.
+        kernel: an installed one, such as "golden"; None: the run's.
+
+    Raises:
+        InputError: the kernel is not installed, or does not run such a policy.
+
+    Attributes:
+        task: what the policy is for: shapes, names of actions, control period.
+        weights: signs and thresholds, or an ONNX model.
+    """
+
+    def __init__(self, config: RunConfig, weights: Weights, *, kernel: str | None = None) -> None:
+        self.task: TaskSpec = config.task_spec
+        self.weights = weights
+        self._beta = config.beta
+        self._kernel = load(kernel or config.kernel)
+        self._kernel.load(weights)
+
+    @property
+    def version(self) -> int:
+        """Policy updates that were done; 0 is the initial policy."""
+        return self.weights.version
+
+    @property
+    def observation_shape(self) -> tuple[int, int, int]:
+        """[C, height, width] of an observation, which is uint8."""
+        return self.weights.spec.observation_shape
+
+    def observation(self, frames: Sequence[npt.NDArray[np.uint8]]) -> Observation:
+        """The observation after the newest of an episode's frames.
+
+        Args:
+            frames: uint8[c, height, width] each, oldest first; at least one. Fewer than the policy looks back at
+                are an episode's beginning.
+
+        Returns:
+            uint8[C, height, width].
+        """
+        return stack(
+            frames,
+            len(frames) - 1,
+            self.task.frames_stacked,
+            difference=self.task.gym.difference,
+        )
+
+    def preferences(self, observation: Observation) -> npt.NDArray[np.float64]:
+        """P(s, a) of every action, float64[|A|].
+
+        Raises:
+            ValueError: the observation has another dtype or shape.
+        """
+        outputs = self._kernel.run(observation).astype(np.float64)
+        outputs *= self.weights.scale
+        return outputs
+
+    def probabilities(self, observation: Observation) -> npt.NDArray[np.float64]:
+        """The softmax policy's pi(a | s) (the paper's Eq. 9), float64[|A|].
+
+        Raises:
+            ValueError: the observation has another dtype or shape.
+        """
+        outputs = self._kernel.run(observation)
+        weights = np.array(softmax_weights(outputs, self.weights.scale, self._beta))
+        probabilities: npt.NDArray[np.float64] = weights / weights.sum()
+        return probabilities
+
+    def act(self, observation: Observation, *, rng: np.random.Generator | None = None) -> int:
+        """The best action, or with a generator one drawn from the softmax policy.
+
+        Args:
+            observation: uint8[C, height, width].
+            rng: where to draw from, as training does.
+
+        Returns:
+            The action's number; `task.action_names` says what it does.
+
+        Raises:
+            ValueError: the observation has another dtype or shape.
+        """
+        outputs = self._kernel.run(observation)
+        if rng is None:
+            return int(np.argmax(outputs))
+        return softmax_action(outputs, self.weights.scale, self._beta, float(rng.random()))

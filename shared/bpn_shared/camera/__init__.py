@@ -1,0 +1,1 @@
+"""What a real camera does to a picture, done to a simulated one."""

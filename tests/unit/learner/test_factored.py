@@ -1,0 +1,94 @@
+"""Preferences of actions with several dimensions, beside those of all joint actions written out."""
+
+import itertools
+
+import pytest
+import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from torch import Tensor
+
+from bpn_learner.cvi import best, cvi_gap, cvi_target, dqn_target, mellowmax, outputs_taken, taken
+
+dims_of = st.lists(st.integers(2, 5), min_size=1, max_size=4)
+
+
+def drawn(seed: int, rows: int, dims: list[int]) -> tuple[Tensor, Tensor]:
+    generator = torch.Generator().manual_seed(seed)
+    P = 3 * torch.randn(rows, sum(dims), generator=generator, dtype=torch.float64)
+    actions = [torch.randint(n, (rows,), generator=generator) for n in dims]
+    return P, torch.stack(actions, dim=1)
+
+
+def joint(P: Tensor, dims: list[int]) -> tuple[Tensor, list[tuple[int, ...]]]:
+    """P(s,a) of every joint action [B, product of dims], and the joint actions in that order."""
+    parts = torch.split(P, dims, dim=1)
+    actions = list(itertools.product(*map(range, dims)))
+    columns = [sum(p[:, c] for p, c in zip(parts, a, strict=True)) for a in actions]
+    return torch.stack([torch.as_tensor(c) for c in columns], dim=1), actions
+
+
+@settings(max_examples=80, deadline=None)
+@given(seed=st.integers(0, 2**32), dims=dims_of, beta=st.floats(0.01, 100))
+def test_every_operator_is_that_of_the_joint_actions(
+    seed: int, dims: list[int], beta: float
+) -> None:
+    P, action = drawn(seed, 6, dims)
+    whole, actions = joint(P, dims)
+    number = torch.tensor([actions.index(tuple(a)) for a in action.tolist()])
+    close = {"rtol": 0.0, "atol": 1e-9 * max(1.0, 1 / beta)}
+    torch.testing.assert_close(mellowmax(P, beta, dims), mellowmax(whole, beta), **close)
+    torch.testing.assert_close(best(P, dims), whole.amax(-1), **close)
+    torch.testing.assert_close(taken(P, action, dims), taken(whole, number), **close)
+    by_dimension = [torch.softmax(beta * part, -1) for part in torch.split(P, dims, 1)]
+    product, _ = joint(torch.cat([p.log() for p in by_dimension], dim=1), dims)
+    torch.testing.assert_close(
+        product.exp(), torch.softmax(beta * whole, -1), rtol=1e-9, atol=1e-12
+    )
+    gap, floored = cvi_gap(P, action, beta=beta, floor=0.5, dims=dims)
+    of_joint = cvi_gap(whole, number, beta=beta, floor=0.5)
+    torch.testing.assert_close(gap, of_joint[0], **close)
+    torch.testing.assert_close(floored, of_joint[1], **close)
+
+
+@settings(max_examples=40, deadline=None)
+@given(seed=st.integers(0, 2**32), dims=dims_of, alpha=st.floats(0, 1), gamma=st.floats(0, 0.99))
+def test_targets_are_those_of_the_joint_actions(
+    seed: int, dims: list[int], alpha: float, gamma: float
+) -> None:
+    P, action = drawn(seed, 5, dims)
+    P_next, _ = drawn(seed + 1, 5, dims)
+    reward = torch.arange(5, dtype=torch.float64)
+    number = torch.tensor([joint(P, dims)[1].index(tuple(a)) for a in action.tolist()])
+    rule = {"alpha": alpha, "beta": 1.5, "gamma": gamma}
+    y = cvi_target(reward, P, action, P_next, dims=dims, **rule)
+    whole = cvi_target(reward, joint(P, dims)[0], number, joint(P_next, dims)[0], **rule)
+    torch.testing.assert_close(y, whole, rtol=0, atol=1e-9)
+    dqn = dqn_target(reward, P_next, gamma=gamma, dims=dims)
+    torch.testing.assert_close(dqn, dqn_target(reward, joint(P_next, dims)[0], gamma=gamma))
+
+
+@given(seed=st.integers(0, 2**32), actions=st.integers(2, 9))
+def test_one_dimension_is_the_same_bit_by_bit(seed: int, actions: int) -> None:
+    P, action = drawn(seed, 7, [actions])
+    P, single = P.float(), action[:, 0]
+    assert torch.equal(mellowmax(P, 2.0, [actions]), mellowmax(P, 2.0))
+    assert torch.equal(taken(P, action, [actions]), taken(P, single))
+    rule = {"alpha": 0.9, "beta": 2.0, "gamma": 0.9}
+    reward = torch.ones(7)
+    factored = cvi_target(reward, P, action, P.flip(0), dims=[actions], **rule)
+    assert torch.equal(factored, cvi_target(reward, P, single, P.flip(0), **rule))
+
+
+def test_outputs_of_an_action_stand_behind_those_of_the_dimensions_before() -> None:
+    action = torch.tensor([[0, 1, 2], [2, 0, 0]])
+    assert outputs_taken(action, [3, 2, 4]).tolist() == [[0, 4, 7], [2, 3, 5]]
+
+
+@given(st.floats(0.1, 10))
+def test_a_floor_holds_bad_actions_and_changes_no_good_one(floor: float) -> None:
+    P = torch.tensor([[0.0, -100.0, -floor / 4]], dtype=torch.float64).expand(3, 3)
+    gap, floored = cvi_gap(P, torch.tensor([0, 1, 2]), beta=1.0, floor=floor)
+    assert floored[0] == gap[0] > 0
+    assert floored[1] == pytest.approx(-floor)
+    assert gap[1] < -90
