@@ -1,8 +1,8 @@
 """How many random faults in the core's RTL the tests notice: `python -m tests.rtl.mutants --sample 300 --seed 1`.
 
 A mutant differs in one place: an operator, a constant, a condition, an assignment left out. One that does not build is none.
-Each is made into a model of its own and goes through a short version of the suite: networks of several sizes by every layer,
-frames with swaps while they run, refusals. Those that live are listed with their line. Goes on where it was.
+Each is made into a model of its own and goes through a short version of the suite: networks of several sizes by every
+layer, frames with swaps while they run, refusals. Those that live are listed. Goes on where it was.
 """
 
 import argparse
@@ -20,9 +20,10 @@ from bpn_edge.fpga import sources
 
 ROOT = Path(__file__).parents[2]
 RULES = (
-    (r"==", "!="), (r"!=", "=="), (r"&&", "||"), (r"\|\|", "&&"), (r"(?<![<>=])>=", "<"), (r"(?<=\w) < (?=\w)", " >= "),
-    (r" \+ ", " - "), (r" - (?!>)", " + "), (r"\b1'b1\b", "1'b0"), (r"\b1'b0\b", "1'b1"), (r"'0\b", "'1"), (r"!(?=[\w(])", ""),
-    (r"\b(\d)'d(\d)\b", None), (r"\bif \(", "if (!"), (r"(?<=\? )(\S+) : ([^;]+)(?=;)", r"\2 : \1"),
+    (r"==", "!="), (r"!=", "=="), (r"&&", "||"), (r"\|\|", "&&"), (r"(?<![<>=])>=", "<"),
+    (r"(?<=\w) < (?=\w)", " >= "), (r" \+ ", " - "), (r" - (?!>)", " + "), (r"\b1'b1\b", "1'b0"),
+    (r"\b1'b0\b", "1'b1"), (r"'0\b", "'1"), (r"!(?=[\w(])", ""), (r"\b(\d)'d(\d)\b", None),
+    (r"\bif \(", "if (!"), (r"(?<=\? )(\S+) : ([^;]+)(?=;)", r"\2 : \1"),
     (r"^(\s+)(\w[\w\[\]:.+*' -]* <= [^;]+;)$", r"\1;"),
 )  # fmt: skip
 """What is changed into what; None: the constant into its neighbour."""

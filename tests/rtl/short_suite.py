@@ -1,4 +1,4 @@
-"""The core's tests in short, on other sources: `python -m tests.rtl.short_suite RTL`. Exit status 0: all passed, 3: no model."""
+"""The core's tests in short on other sources: `python -m tests.rtl.short_suite RTL`; exit status 3: no model."""
 
 import os
 import sys

@@ -159,8 +159,7 @@ def test_registers_refuse_what_they_are_not_made_for(core: SimulatedCore) -> Non
         known = (
             offset in range(0x00, 0x48, 4)
             or offset in {0x50, 0x54}
-            or offset >= 0x100
-            and offset < 0x200
+            or (offset >= 0x100 and offset < 0x200)
         )
         if known:
             core.read(offset)
@@ -191,7 +190,7 @@ def test_a_pushed_word_that_finds_no_room_is_refused(core: SimulatedCore) -> Non
 
 
 def test_a_bit_that_flips_in_the_memory_is_seen(core: SimulatedCore) -> None:
-    """What is read back is what the engine computes with, not what went in: the other set is there after a reload."""
+    """What is read back is what the engine computes with, not what went in."""
     device = Device(core)
     device.load(0, ONE)
     before = [words.copy() for words in device.memories(0, SPEC)]

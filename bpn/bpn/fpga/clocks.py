@@ -17,7 +17,7 @@ _SHORTEST_JOB = 4
 
 
 def by_layer(build: Build, spec: NetworkSpec) -> dict[str, int]:
-    """Clocks that each layer keeps its part of the core busy; conv1's are the pixels' own, the others run beside them."""
+    """Clocks that each layer keeps its part of the core busy; conv1's are the pixels' own."""
     node_groups, action_groups = groups(spec.hidden_units), groups(spec.actions)
     _, conv2, conv3, _, _ = spec.layers
     job = max(node_groups, _SHORTEST_JOB)

@@ -62,6 +62,9 @@ def estimate_xilinx(build: Build, where: Path) -> dict[str, float]:
         MissingToolError, CommandError: yosys is not installed, or fails.
     """
     files = write_sources(build, where)
-    script = f"read_verilog -sv {' '.join(files)}; synth_xilinx -family xcup -flatten -noiopad -top bpn_core; write_json core.json"
+    script = (
+        f"read_verilog -sv {' '.join(files)}; synth_xilinx -family xcup -flatten -noiopad -top bpn_core; "
+        "write_json core.json"
+    )
     tools.run("yosys", ["-q", "-p", script], where=where, log="yosys.log")
     return Cells.read(where / "core.json", "bpn_core").xilinx()

@@ -1,4 +1,4 @@
-"""The open tools for FPGAs: the system's where they are there, else those that `pip install 'bpn[fpga]'` brings."""
+"""The open tools for FPGAs: the system's where there are some, else those of `pip install 'bpn[fpga]'`."""
 
 import os
 import re
@@ -33,7 +33,7 @@ def find(name: str) -> str:
 
 def version(name: str) -> str:
     """What a tool says of its version, such as `Yosys 0.23`."""
-    said = subprocess.run([find(name), "--version"], capture_output=True, text=True, check=False)
+    said = subprocess.run([find(name), "--version"], capture_output=True, text=True, check=False)  # noqa: S603 - a tool that was found
     found = re.search(r"(\d+\.\d+[\w.+-]*)", said.stdout + said.stderr)
     return f"{name} {found.group(1) if found else 'unknown'}"
 
@@ -51,7 +51,7 @@ def run(name: str, arguments: list[str], *, where: Path, log: str) -> float:
     began_s = time.monotonic()
     path = where / log
     with path.open("w") as said:
-        done = subprocess.run(
+        done = subprocess.run(  # noqa: S603 - a tool that was found
             [find(name), *arguments],
             cwd=where,
             stdout=said,

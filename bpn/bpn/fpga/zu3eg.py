@@ -1,4 +1,4 @@
-"""The core as IP for Vivado, for an Ultra96-V2 (xczu3eg) or any other AMD part, and yosys's estimate of what it takes."""
+"""The core as IP for Vivado, for an Ultra96-V2 (xczu3eg) or another part, and yosys's estimate of it."""
 
 import json
 import shutil

@@ -3,7 +3,7 @@ package bpn;
   // The build.
   localparam int BYTES = 4;
   localparam int MAX_CHANNELS = 16;
-  localparam int MAX_NODES = 256;
+  localparam int MAX_HIDDEN_UNITS = 256;
   localparam int MAX_ACTIONS = 64;
   // Geometry.
   localparam int IMAGE = 84;

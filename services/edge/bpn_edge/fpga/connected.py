@@ -25,7 +25,7 @@ def connected_core() -> Transport:
             if (device / "name").read_text().strip() == "bpn":
                 return MappedCore(f"/dev/{device.name}")
         raise ConfigError(
-            "kernel 'fpga' finds no core: no UIO device is called bpn (load the bitstream and the device-tree overlay, "
+            "kernel 'fpga' finds no core: no UIO device is called bpn (load bitstream and device-tree overlay, "
             f"docs/fpga.md), and {WHERE} names none, such as /dev/uio0, /dev/mem@0xA0000000 or /dev/ttyUSB0"
         )
     if named.startswith(("/dev/tty", "/dev/pts/")):

@@ -1,4 +1,4 @@
-"""A core whose registers are mapped into memory: on a Zynq, /dev/uio* by the device tree, or /dev/mem at an address."""
+"""A core whose registers are mapped: on a Zynq, /dev/uio* by the device tree, or /dev/mem at an address."""
 
 import ctypes
 import mmap
@@ -42,7 +42,7 @@ class MappedCore:
         self._interrupts = path.startswith("/dev/uio")
 
     def read(self, register: int) -> int:
-        """See `Transport.read`; a refusal is a bus error, which ends the process: the driver asks for nothing refused."""
+        """See `Transport.read`; a refusal is a bus error, which ends the process: the driver asks for none."""
         return int(self._words[register // 4])
 
     def write(self, register: int, value: int) -> None:

@@ -13,7 +13,7 @@ from bpn_shared.spec.network import NetworkSpec
 
 
 class DeviceBank:
-    """A `Kernel` that is one bank of a core; what runs is the bank that the core itself swaps in between two frames."""
+    """A `Kernel` that is one bank of a core, which swaps banks itself, between two frames."""
 
     def __init__(self, name: str, device: Device, bank: int = 0) -> None:
         self.name = name
