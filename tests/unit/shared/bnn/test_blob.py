@@ -9,12 +9,13 @@ import pytest
 from geometries import geometries, shapes
 from hypothesis import given
 from hypothesis import strategies as st
+from older_blobs import dense
 
 from bpn_shared.bnn.blob import WeightBlob, encoded_size
 from bpn_shared.bnn.envelope import BlobError
 from bpn_shared.spec.network import NetworkSpec
 
-GOLDEN = Path(__file__).parents[2] / "golden/schema-1/01a21e2b-4a1d-7550-8c36-dce4819c20af/weights"
+GOLDEN = Path(__file__).parents[3] / "golden/schema-1/01a21e2b-4a1d-7550-8c36-dce4819c20af/weights"
 specs = geometries((1, 3, 6), 256, 64) | shapes()
 blobs = st.builds(
     lambda spec, seed, run, attempt, version: replace(
@@ -88,18 +89,6 @@ def test_paper_sized_policy_is_twelve_kilobytes() -> None:
     )  # and 48 bytes of padding, twice
     thresholds = 64 + 64 + 64 + 448
     assert encoded_size(spec) == header + signs + thresholds + digest
-
-
-def dense(blob: WeightBlob) -> bytes:
-    """Schema 1, which is written no more."""
-    spec = blob.spec
-    header = struct.pack(
-        "<4sHHHH16sIIf", b"BPNW", 1, spec.channels, spec.hidden_units, spec.actions,
-        blob.run.bytes, blob.attempt, blob.version, blob.scale,
-    )  # fmt: skip
-    bits = b"".join(np.packbits(w > 0, bitorder="little").tobytes() for w in blob.weights)
-    taus = b"".join(tau.astype("<i4").tobytes() for tau in blob.thresholds)
-    return header + bits + taus + hashlib.sha256(header + bits + taus).digest()
 
 
 @given(geometries((1, 3, 6), 256, 64), st.integers(0, 2**32), st.uuids())
