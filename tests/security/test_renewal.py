@@ -28,7 +28,7 @@ from bpn_shared.bus.session import Bus
 from bpn_shared.bus.x509 import facts_of
 from bpn_shared.counters import Counters
 from bpn_shared.runtime.ask import ask
-from bpn_shared.waiting import Waiting
+from bpn_shared.waiting import WaitStatus
 
 WaitFor = Callable[..., None]
 LIFE_S = 24.0
@@ -69,7 +69,7 @@ def test_certificates_renewed_in_time_are_used_and_nothing_is_lost(
                     nonlocal answered
                     answer = ask(
                         asking, KEY_OF_CONTROL, b"1", bytes, stop=threading.Event(),
-                        waiting=Waiting(), waiting_for="an answer", on_refusal=pytest.fail,
+                        waiting=WaitStatus(), waiting_for="an answer", on_refusal=pytest.fail,
                         timeout_s=1.0, backoff=Backoff(0.1, 0.1),
                     )  # fmt: skip
                     answered += answer == b"1"
@@ -123,7 +123,7 @@ def test_a_router_whose_certificates_are_not_renewed_is_not_ready_and_says_why(
     try:
         with Bus(endpoint, deadline_s=8.0) as bus:
             wait_for(ready.exists, "it to be ready")
-            waiting = Waiting()
+            waiting = WaitStatus()
             with RouterWatch(bus, waiting, Counters(), period_s=0.1, say_after_s=0.5):
                 wait_for(lambda: "expired" in (waiting.snapshot()[0] or ""), "the reason")
         assert "our certificate" in caplog.text
