@@ -18,7 +18,6 @@ import numpy as np
 
 from bpn_edge import kernel as kernels
 from bpn_edge.policy import epsilon_greedy_action, softmax_action, softmax_weights
-from bpn_learner.export import export
 from bpn_learner.initial import initial_policy
 from bpn_learner.reward import function_of
 from bpn_learner.transitions import EpisodeData, Transitions
@@ -83,7 +82,7 @@ def iterations(config: RunConfig, trials: int) -> Iterator[dict[str, Any]]:
     network, optimizer = initial_policy(config)
     player = Player(config)
     data: deque[list[EpisodeData]] = deque(maxlen=config.replay_iterations)
-    player.load(export(network))
+    player.load(network.export())
     for i in range(config.iterations):
         start = time.process_time()
         player.entropies = []
@@ -107,7 +106,7 @@ def iterations(config: RunConfig, trials: int) -> Iterator[dict[str, Any]]:
             network, optimizer, D, UpdateConfig.of_iteration(config, i),
             shuffle_generator(config.seed, i),
         )  # fmt: skip
-        weights = export(network)
+        weights = network.export()
         player.load(weights)
         yield {
             "iteration": i,

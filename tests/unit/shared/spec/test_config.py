@@ -259,8 +259,8 @@ def test_the_learning_rate_falls_on_a_line_over_the_run(iterations: int, last: f
 
 
 RANGES: dict[str, tuple[float, float]] = {
-    "seed": (0, 2**63 - 1), "frame_px": (0, 128), "frame_channels": (0, 3), "frames_stacked": (0, 16),
-    "frame_skip": (0, 100),
+    "frame_px": (0, 128),
+    "seed": (0, 2**63 - 1), "frame_channels": (0, 3), "frames_stacked": (0, 16), "frame_skip": (0, 100),
     "actions": (0, 64), "iterations": (1, 100_000), "episodes": (1, 10_000), "steps": (1, 1000),
     "epochs": (1, 10_000), "batch_size": (2, 4096), "replay_iterations": (1, 1000), "hidden_units": (1, 1024),
     "learners": (1, 64),
