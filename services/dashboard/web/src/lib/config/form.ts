@@ -49,6 +49,7 @@ const SECTIONS: { title: string; open: boolean; keys: string[] }[] = [
       'lr_run_final_factor',
       'scale_initial',
       'algorithm_options',
+      'conv',
     ],
   },
   {
