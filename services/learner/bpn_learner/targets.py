@@ -4,7 +4,6 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, Protocol
 
-import torch
 from torch import Tensor
 
 from bpn_learner.cvi import cvi_target, dqn_target
@@ -60,7 +59,7 @@ def target_values(name: str, data: TargetInputs, settings: TargetSettings) -> Te
     """
     plugin = plugins.find(plugins.TARGETS, name)
     y = plugin.call(data, settings)
-    if not (isinstance(y, Tensor) and y.dtype == torch.float32 and y.shape == data.reward.shape):
+    if not (isinstance(y, Tensor) and y.is_floating_point() and y.shape == data.reward.shape):
         found = f"{y.dtype}{list(y.shape)}" if isinstance(y, Tensor) else type(y).__name__
         raise plugin.broken(f"it gives {found}, not float32[{len(data.reward)}]")
     return y.detach()
