@@ -10,7 +10,7 @@ from bpn.verify.findings import Findings
 from bpn.verify.play import Policy, unpacked
 from bpn.verify.targets import Played, Targets
 from bpn.verify.trainee import Trainee, released
-from bpn.verify.training import gap, learning_rate_factors, minibatches, train
+from bpn.verify.training import gap, learning_rate_factors, train, updates
 from bpn.verify.update import Update
 from bpn.verify.weights import described, digest, distance, same_bits
 from bpn_shared.bnn.envelope import BlobError
@@ -85,7 +85,7 @@ class Verification:
                 return self.findings
             records.check_metrics(self.config, record, data, self.findings)
             records.check_rewards(iteration, told.get(iteration), data, self.findings)
-            self._D = [*self._D, data][-self.config.datasets :]
+            self._D = _newest([*self._D, data], self.config)
             self._steps.append(sum(len(episode.actions) for episode in data))
             D = [episode for dataset in self._D for episode in dataset]
             update = Update(self.config, iteration, record, D, policy, following, offset)
@@ -139,8 +139,8 @@ class Verification:
         """One update, from its data to its weights; the offset of the next preferences."""
         config, where, record = self.config, update.where, update.record
         data = update.targets()
-        steps = config.epochs * minibatches(len(data.y), config.batch)
-        of_all = config.epochs * minibatches(sum(self._steps), config.batch)
+        steps = updates(config, len(data.y))
+        of_all = updates(config, sum(self._steps))
         hint = (
             "it is that of the data sets of all iterations" if record["updates"] == of_all else ""
         )
@@ -239,7 +239,7 @@ class Verification:
             trainee,
             data,
             explanations.engine_of(self.config)(trainee, data),
-            factors=learning_rate_factors(self.config, iteration),
+            factors=learning_rate_factors(self.config, iteration, len(data.y)),
             batch=self.config.batch,
             shuffles=draws.shuffles(self.config.seed, iteration),
             turned=turned,
@@ -270,3 +270,15 @@ def what_is_trusted(config: RunConfig) -> list[str]:
         trusted.append("the rewards, which the robot tells")
     trusted.append("whether an episode's end was the task's, and times")
     return trusted
+
+
+def _newest(sets: list[list[Played]], config: RunConfig) -> list[list[Played]]:
+    """Those that are D: the newest U, or as many as have `replay_transitions` together, the last one always."""
+    if not config.replay_transitions:
+        return sets[-config.datasets :]
+    while (
+        len(sets) > 1
+        and sum(len(e.actions) for held in sets for e in held) > config.replay_transitions
+    ):
+        sets = sets[1:]
+    return sets

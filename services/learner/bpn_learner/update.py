@@ -12,16 +12,20 @@ import torch
 from torch import Tensor
 
 from bpn_learner.calibrate import reestimate_batch_norm
-from bpn_learner.cvi import cvi_target, dqn_target
+from bpn_learner.cvi import NO_FLOOR, cvi_gap, cvi_target, dqn_target
 from bpn_learner.group import ALONE, Group
 from bpn_learner.minibatch import minibatch_gradients
+from bpn_learner.n_step import n_step
 from bpn_learner.networks import BinaryNetwork, PNetwork
+from bpn_learner.policy_metrics import agreement, entropy
 from bpn_learner.transitions import Transitions, gathered
 from bpn_shared.spec.algorithms import UpdateKind
 from bpn_shared.spec.config import Engine, RunConfig
 
 EVALUATION_BATCH = 256
 SCALE_RATE_FACTOR = 3.0
+LOOKED_AT = 256
+"""Transitions whose greedy action is compared before and after an update."""
 
 
 _STOP_EVERY = 64
@@ -46,6 +50,9 @@ class PolicyUpdate:
         target: "cvi" (BPN, CVI, DPP) or "dqn" (BQN, DQN).
         mask_terminals: no bootstrap from terminal states; Algorithm 1 as printed bootstraps from every s'.
         relative_targets: y less its mean over D, see `targets`.
+        n_step: steps that a target adds up.
+        gap_floor: of CVI's gap, see `cvi_target`.
+        max_updates: optimizer steps at most; 0: C epochs.
         learning_rate_share: of the optimizer's learning rate, in this update's first epoch.
         learning_rate_final: of that, in the last epoch; in between it falls along a cosine.
         engine: what computes the minibatches' gradients, see `minibatch_gradients`.
@@ -59,6 +66,9 @@ class PolicyUpdate:
     target: UpdateKind = "cvi"
     mask_terminals: bool = False
     relative_targets: bool = False
+    n_step: int = 1
+    gap_floor: float = NO_FLOOR
+    max_updates: int = 0
     learning_rate_share: float = 1.0
     learning_rate_final: float = 1.0
     engine: Engine = "fast"
@@ -75,6 +85,9 @@ class PolicyUpdate:
             target=config.algorithm_spec.update,
             mask_terminals=config.mask_terminals,
             relative_targets=config.relative_targets,
+            n_step=config.n_step,
+            gap_floor=config.gap_floor or NO_FLOOR,
+            max_updates=config.max_updates,
             learning_rate_share=config.learning_rate_share(iteration),
             learning_rate_final=config.learning_rate_final,
             engine=config.engine,
@@ -111,6 +124,8 @@ class UpdateReport:
         max_preference: largest |P-(s, .)| over D.
         max_target: largest |y|.
         scale: lambda afterwards.
+        entropy: mean over D of the policy softmax(beta P-), in nats.
+        agreement: share of D, of at most `LOOKED_AT` transitions, in which the greedy action is as before.
         saturation: share of targets with |y| > lambda N, which the network cannot express.
         updates: optimizer steps.
         seconds: duration.
@@ -121,6 +136,8 @@ class UpdateReport:
     max_preference: float
     max_target: float
     scale: float
+    entropy: float
+    agreement: float
     saturation: float
     updates: int
     seconds: float
@@ -170,7 +187,6 @@ def policy_update(
     started = time.perf_counter()
     device = next(network.parameters()).device
     transitions = transitions.to(device)
-    minibatches = minibatches_per_epoch(len(transitions), settings.batch)
     P_target, P_next = target_preferences(network, transitions)
     y, offset = targets(transitions, P_target, P_next, settings, float(network.offset))
     regression = Regression(transitions.frames, transitions.observations, transitions.actions, y)
@@ -190,10 +206,18 @@ def policy_update(
         max_preference=float(P_target.abs().max()),
         max_target=float(y.abs().max()),
         scale=float(network.scale().detach()),
+        entropy=entropy(P_target, settings.beta),
+        agreement=_agreement(network, transitions, P_target),
         saturation=float((y.abs() > network.max_preference()).float().mean()),
-        updates=settings.epochs * minibatches,
+        updates=updates_of(settings, len(transitions)),
         seconds=time.perf_counter() - started,
     )
+
+
+def _agreement(network: PNetwork, transitions: Transitions, P_target: Tensor) -> float:
+    """Of the newest transitions: as many as cost little beside the update."""
+    newest = transitions.observations[-LOOKED_AT:]
+    return agreement(P_target[-LOOKED_AT:], preferences(network, transitions.gather(newest)))
 
 
 def fit(
@@ -220,30 +244,46 @@ def fit(
     )
     losses: list[float] = []
 
+    updates = updates_of(settings, size)
+    epochs = -(-updates // minibatches)
     network.train()
-    for epoch in range(settings.epochs):
+    for epoch in range(epochs):
         set_learning_rate(optimizer, annealing(epoch, settings))
         order = torch.from_numpy(rng.permutation(size)).to(observations.device)
         total = torch.zeros((), device=observations.device)
-        for k in range(minibatches):
+        steps = min(minibatches, updates - epoch * minibatches)
+        for k in range(steps):
             if stop is not None and k % _STOP_EVERY == 0 and stop():
-                raise UpdateStopped(f"stopped after {epoch} of {settings.epochs} epochs")
+                raise UpdateStopped(f"stopped after {epoch} of {epochs} epochs")
+            if settings.max_updates:  # which may end within an epoch: annealed from step to step
+                set_learning_rate(optimizer, annealed(epoch * minibatches + k, updates, settings))
             total += gradients(order[B * k : B * (k + 1)])
             optimizer.step()
             network.clip_latent_weights()
-        losses.append(_finite(float(total) / minibatches, network))
+        losses.append(_finite(float(total) / steps, network))
         if progress is not None:
-            progress(epoch + 1, settings.epochs)
+            progress(epoch + 1, epochs)
     return losses
 
 
+def updates_of(settings: PolicyUpdate, size: int) -> int:
+    """Optimizer steps of an update over D of that size."""
+    updates = settings.epochs * minibatches_per_epoch(size, settings.batch)
+    return min(updates, settings.max_updates) if settings.max_updates else updates
+
+
 def annealing(epoch: int, settings: PolicyUpdate) -> float:
-    """The learning rate's factor in an epoch: a cosine from `learning_rate_share` down.
+    """The learning rate's factor in an epoch, see `annealed`."""
+    return annealed(epoch, settings.epochs, settings)
+
+
+def annealed(done: int, count: int, settings: PolicyUpdate) -> float:
+    """The learning rate's factor in one of `count` parts: a cosine from `learning_rate_share` down.
 
     Binary weights keep flipping as long as the rate is high. What the last flips leave is the policy that
     the robots run, so they have to become few before an update ends.
     """
-    progress = epoch / max(1, settings.epochs - 1)
+    progress = done / max(1, count - 1)
     final = settings.learning_rate_final
     cosine = final + (1 - final) * (1 + math.cos(math.pi * progress)) / 2
     return settings.learning_rate_share * cosine
@@ -302,6 +342,9 @@ def targets(
     one sign lets grow by about E[r] every iteration, need not be expressed by a network that has no bias and
     +-N steps of lambda for offset and differences together. Beside relative values a terminal's 0 is -c.
 
+    Over n steps c adds gamma^n c, and n is smaller at an episode's end: what is learned is y - gamma c, so that
+    the network sees no difference between sums of several lengths.
+
     Args:
         offset: c of P-.
 
@@ -311,12 +354,30 @@ def targets(
     """
     done = transitions.done if settings.mask_terminals else None
     reward, gamma = transitions.rewards, settings.gamma
+    discount: float | Tensor = gamma
+    if settings.n_step > 1:
+        correction = None
+        if settings.target == "cvi":
+            gap, floored = cvi_gap(
+                P_target, transitions.actions, beta=settings.beta, floor=settings.gap_floor
+            )
+            correction = gap - settings.alpha * floored
+        steps = n_step(reward, transitions.steps_left, settings.n_step, gamma, correction)
+        c = offset
+        if settings.relative_targets and done is None:
+            c = float(reward.mean()) / (1 - gamma)  # no end pins values: begins where they will be
+        P_next, discount = P_next[steps.last], steps.discount
+        done = None if done is None else done[steps.last]
+        reward = (
+            steps.reward + (discount - gamma) * c
+        )  # sums of several lengths, of the same offset
     if settings.target == "dqn":
-        y = dqn_target(reward, P_next, gamma=gamma, done=done, terminal=-offset)
+        y = dqn_target(reward, P_next, gamma=discount, done=done, terminal=-offset)
     else:
         y = cvi_target(
             reward, P_target, transitions.actions, P_next,
-            alpha=settings.alpha, beta=settings.beta, gamma=gamma, done=done, terminal=-offset,
+            alpha=settings.alpha, beta=settings.beta, gamma=discount, done=done, terminal=-offset,
+            floor=settings.gap_floor,
         )  # fmt: skip
     if not settings.relative_targets:
         return y, 0.0

@@ -45,6 +45,7 @@ def decode_config(data: bytes, *, source: str) -> RunConfig:
         raise ConfigError(f"{source}: it has no values; {_REMEDY}")
     for older in range(schema, SCHEMA):
         values = _migrated(older, values, f"{source}: schema {schema}")
+    values = _AS_PRINTED | values
     unknown = values.keys() - RunConfig.model_fields.keys()
     if unknown and schema > 1:
         raise OtherConfigVersionError(
@@ -145,6 +146,16 @@ _BEFORE_SCHEMA_2: dict[str, Any] = {
     "pacing": "lockstep",
     "action_delay_ms": 0.0,
 }
+
+
+_AS_PRINTED: dict[str, Any] = {
+    "n_step": 1,
+    "gap_floor": 0.0,
+    "replay_transitions": 0,
+    "max_updates": 0,
+    "disturb": "",
+}
+"""Values of files from before there were these options: all off."""
 
 
 def _migrated(older: int, values: dict[str, Any], source: str) -> dict[str, Any]:

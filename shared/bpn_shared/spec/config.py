@@ -6,8 +6,10 @@ from pydantic import Field, ValidationError, model_validator
 
 from bpn_shared.errors import InputError
 from bpn_shared.spec.algorithms import ALGORITHMS, KERNELS, Algorithm, AlgorithmName, implied
+from bpn_shared.spec.disturbances import of_scope, shown
 from bpn_shared.spec.gym import GymOptions
 from bpn_shared.spec.installed import preset_of, task_spec
+from bpn_shared.spec.learning import BeyondThePaper
 from bpn_shared.spec.network import MAX_NODES, NetworkSpec
 from bpn_shared.spec.stopping import StopRule
 from bpn_shared.spec.tasks import MAX_NAME, NAME_PATTERN, TaskOptions, TaskSpec, is_gym
@@ -37,7 +39,7 @@ class ConfigError(InputError):
     """A configuration value is wrong; the message names the value, its range and where it came from."""
 
 
-class RunConfig(TaskOptions):
+class RunConfig(BeyondThePaper, TaskOptions):
     """One training. Field names are the command line's options; symbols are the paper's.
 
     Whoever creates a run makes it by the task's name, with `for_task`; everybody else reads it, and knows the task
@@ -186,6 +188,7 @@ class RunConfig(TaskOptions):
             of_gym = of_task.get("gym")
             told = of_task | (of_gym if isinstance(of_gym, dict) else {})
             given = {name: told[name] for name in TaskOptions.model_fields if name in told} | given
+            given.setdefault("disturb", shown(of_task.get("disturbances", {})))
         return implied(str(given.get("algorithm"))) | given
 
     @model_validator(mode="after")
@@ -248,6 +251,15 @@ class RunConfig(TaskOptions):
             )
         return self
 
+    @model_validator(mode="after")
+    def _latency_needs_time(self) -> Self:
+        if of_scope(self.task_spec.disturbances, "time") and self.pacing == "lockstep":
+            raise ValueError(
+                f"disturb = {self.disturb!r}: latency means nothing in lockstep, where the robot waits for the "
+                "action: set pacing = realtime, or leave it out"
+            )
+        return self
+
     @property
     def algorithm_spec(self) -> Algorithm:
         return ALGORITHMS[self.algorithm]
@@ -286,6 +298,18 @@ class RunConfig(TaskOptions):
         """Of the learning rate, in an iteration: from 1 linearly to `learning_rate_last`."""
         progress = iteration / max(1, self.iterations - 1)
         return 1 + progress * (self.learning_rate_last - 1)
+
+    def disturbed(self, text: str) -> Self:
+        """The same run with other disturbances, as `disturbances.parse` takes them.
+
+        Raises:
+            ConfigError: they are impossible.
+        """
+        try:
+            spec = self.task_spec.disturbed(text)
+        except InputError as error:
+            raise ConfigError(f"disturb = {text!r}: {error}") from error
+        return self.parse(self.model_dump() | {"task_spec": spec, "disturb": text})
 
     @classmethod
     def for_task(cls, task: str, **changes: Any) -> Self:

@@ -8,9 +8,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, field_validator, model_validator
 
-from bpn_shared.spec.disturbances import Disturbances
+from bpn_shared.spec.disturbances import Disturbances, parse, shown
 from bpn_shared.spec.gym import GYM_PREFIX, OFF, GymOptions
 from bpn_shared.spec.network import IMAGE_SIZE_PX, MAX_ACTIONS, MAX_CHANNELS, NetworkSpec
 
@@ -50,6 +50,14 @@ class TaskOptions(GymOptions):
     actions: Annotated[
         int, Field(ge=0, le=MAX_ACTIONS, description="gym tasks: |A|; 0: found out by `bpn train`")
     ] = 0
+    disturb: Annotated[
+        str,
+        AfterValidator(lambda text: shown(parse(text))),
+        Field(
+            max_length=500,
+            description="disturbances of camera and servos: noise=25,offset=-30..30 (docs/disturbances.md)",
+        ),
+    ] = ""
 
 
 class TaskSpec(BaseModel):
@@ -154,10 +162,17 @@ class TaskSpec(BaseModel):
 
     def options(self) -> dict[str, Any]:
         """What `TaskOptions` say of this task."""
-        of_gym = dict(self.gym)
-        return of_gym | {
-            name: getattr(self, name) for name in TaskOptions.model_fields if name not in of_gym
-        }
+        own = ("frame_channels", "frames_stacked", "frame_skip", "actions")
+        values = dict(self.gym) | {name: getattr(self, name) for name in own}
+        return values | {"disturb": shown(self.disturbances)}
+
+    def disturbed(self, text: str) -> Self:
+        """The same task with other disturbances, as `disturbances.parse` takes them.
+
+        Raises:
+            InputError: they are impossible.
+        """
+        return self.model_copy(update={"disturbances": parse(text)})
 
 
 @dataclass(frozen=True, slots=True)
