@@ -4,18 +4,29 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.installed
-PIP_INSTALL := $(BIN)/python -W ignore -m pip install --disable-pip-version-check -q -c constraints.txt
+DEV := $(VENV)/.dev
+PIP_LOUD := $(BIN)/python -W ignore -m pip install --disable-pip-version-check -c constraints.txt
+PIP_INSTALL := $(PIP_LOUD) -q
 PACKAGES := shared services/edge services/learner services/robot services/robot_sim services/tasks services/dashboard deploy/certificates bpn
 SOURCES := $(PACKAGES:%=%/bpn*)
 
 .DEFAULT_GOAL := help
-.PHONY: help up test images check-manifests mutants fuzz test-sanitized test-browser test-observability test-environments test-trackers test-containers test-chaos test-fresh-machine screenshots lint check-claims version format bench bench-sweep reproduce reproduce-quick doctor clean
+.PHONY: help up dev check test dist test-dist test-cross docs coverage images check-manifests mutants fuzz test-sanitized test-browser test-observability test-environments test-trackers test-containers test-chaos test-fresh-machine screenshots lint check-claims version format bench bench-sweep reproduce reproduce-quick doctor clean
 
 help:            ## this list
 	@grep -hE '^[a-z-]+: .*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 20
 
-up: $(INSTALLED) ## start the dashboard and workers, with a first run
-	$(BIN)/bpn up
+up: $(INSTALLED) ## install what it needs, start the dashboard and workers, with a first run
+	$(BIN)/bpn up --first-run reaching
+
+dev: $(DEV)      ## install what tests, benchmarks and figures need beside
+	@true
+
+check: $(DEV)    ## the inner loop, under a minute: ruff, claims, and the unit tests of what has no processes
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/lint-imports --no-logo
+	$(BIN)/pytest -q --no-header -x $(QUICK)
 
 # Whole files beside each other, in the order in which they stand: those that take minutes come first.
 BESIDE ?= 2
@@ -24,21 +35,21 @@ test: lint       ## lint, then every test, two files beside each other (BESIDE=N
 	$(BIN)/pytest tests --ignore=tests/browser --ignore=tests/observability -n $(BESIDE) --dist loadfile --no-loadscope-reorder
 	$(MAKE) test-browser test-observability
 
-test-sanitized: $(INSTALLED) ## both C++ kernels under the address and undefined-behaviour sanitizers (minutes)
+test-sanitized: $(DEV) ## both C++ kernels under the address and undefined-behaviour sanitizers (minutes)
 	tests/sanitize.sh $(BIN)/python
 
 INPUTS ?= 1000000
 SEED ?= $(shell date +%s)
 
-fuzz: $(INSTALLED) ## a million changed inputs for whatever reads bytes from elsewhere; SEED=N repeats
+fuzz: $(DEV) ## a million changed inputs for whatever reads bytes from elsewhere; SEED=N repeats
 	@echo "SEED=$(SEED) INPUTS=$(INPUTS)"
 	BPN_FUZZ_SEED=$(SEED) BPN_FUZZ_INPUTS=$(INPUTS) $(BIN)/pytest -q tests/security/test_decoders.py
 
-test-browser: $(INSTALLED) ## the web UI in Chromium: journeys, accessibility, nothing leaves the machine
+test-browser: $(DEV) ## the web UI in Chromium: journeys, accessibility, nothing leaves the machine
 	sh deploy/check-system.sh $(PYTHON) browser
 	$(BIN)/pytest tests/browser
 
-test-observability: $(INSTALLED) ## the alert rules by Prometheus's checker, and a real Prometheus that sees real trouble (a minute)
+test-observability: $(DEV) ## the alert rules by Prometheus's checker, and a real Prometheus that sees real trouble (a minute)
 	sh deploy/check-system.sh $(PYTHON) observability
 	$(BIN)/pytest tests/observability
 
@@ -54,7 +65,7 @@ endef
 
 # Not ours to pin in constraints.txt.
 ENVIRONMENTS := $(VENV)/environments
-$(ENVIRONMENTS)/.installed: $(INSTALLED)
+$(ENVIRONMENTS)/.installed: $(DEV)
 	$(call beside,$(ENVIRONMENTS),minigrid==3.2.0 ale-py==0.12.1 MinAtar==1.0.15 highway-env==1.12.1 flappy-bird-gymnasium==0.4.0)
 
 test-environments: $(ENVIRONMENTS)/.installed ## one iteration of Gymnasium environments of five other packages (downloads them)
@@ -62,13 +73,13 @@ test-environments: $(ENVIRONMENTS)/.installed ## one iteration of Gymnasium envi
 
 # As the extras wandb and mlflow of bpn-learner.
 TRACKERS := $(VENV)/trackers
-$(TRACKERS)/.installed: $(INSTALLED)
+$(TRACKERS)/.installed: $(DEV)
 	$(call beside,$(TRACKERS),wandb mlflow-skinny sqlalchemy alembic)
 
 test-trackers: $(TRACKERS)/.installed ## the callbacks that write to Weights & Biases and MLflow, with both, offline (downloads them)
 	BPN_TRACKERS=1 $(TRACKERS)/bin/python -m pytest tests/trackers
 
-screenshots: $(INSTALLED) ## the pictures of the web UI in docs/dashboard, and how long a newcomer waits for them
+screenshots: $(DEV) ## the pictures of the web UI in docs/dashboard, and how long a newcomer waits for them
 	sh deploy/check-system.sh $(PYTHON) browser
 	$(BIN)/python docs/dashboard/screenshots.py
 
@@ -88,21 +99,21 @@ check-manifests: $(VENV)/checkov-$(CHECKOV)/bin/checkov ## Kubernetes' manifests
 	$< --framework kubernetes --file $(VENV)/manifests.yaml --skip-check CKV_K8S_15,CKV_K8S_43 \
 	  --skip-download --compact --quiet
 
-test-containers: $(INSTALLED) ## build the images, run the whole loop in containers (any Docker Engine from 25 on)
+test-containers: $(DEV) ## build the images, run the whole loop in containers (any Docker Engine from 25 on)
 	sh deploy/check-system.sh $(PYTHON) observability
 	BPN_CONTAINERS=1 $(BIN)/pytest tests/containers
 
-test-chaos: $(INSTALLED) ## every fault that containers may have in the middle of a run (about half an hour), and to a run's files
+test-chaos: $(DEV) ## every fault that containers may have in the middle of a run (about half an hour), and to a run's files
 	BPN_CHAOS=1 $(BIN)/pytest tests/chaos/test_flip_anything.py tests/chaos/test_cut_off.py
 	BPN_CONTAINERS=1 BPN_CHAOS=1 $(BIN)/pytest -s tests/containers/test_chaos.py tests/containers/test_full_disk.py
 
 test-fresh-machine: ## the README's two commands in a bare container, as root and as a normal user (half an hour; any Docker Engine)
 	deploy/fresh-machine.sh
 
-mutants: $(INSTALLED) ## how many faults the tests notice, sampled and aimed ones (hours; goes on where it was; MUTANTS="--sample N --seed S")
+mutants: $(DEV) ## how many faults the tests notice, sampled and aimed ones (hours; goes on where it was; MUTANTS="--sample N --seed S")
 	$(BIN)/python -m tests.mutants $(MUTANTS)
 
-lint: $(INSTALLED) check-claims ## ruff, mypy --strict, import-linter; prettier, svelte-check and vitest for the web UI; check-claims
+lint: $(DEV) check-claims ## ruff, mypy --strict, import-linter; prettier, svelte-check and vitest for the web UI; check-claims
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy -p bpn_shared -p bpn_edge -p bpn_learner -p bpn_robot -p bpn_robot_sim -p bpn_tasks -p bpn_dashboard -p bpn_certificates -p bpn
@@ -110,40 +121,72 @@ lint: $(INSTALLED) check-claims ## ruff, mypy --strict, import-linter; prettier,
 	$(BIN)/lint-imports --no-logo
 	$(BIN)/python services/dashboard/hatch_build.py types check test
 
-check-claims: $(INSTALLED) ## figures in the pages against the results that they are from, links and anchors against what is there
+check-claims: $(DEV) ## figures in the pages against the results that they are from, links and anchors against what is there
 	$(BIN)/python -m checks
+
+# Of those with compiled code, wheels are built for these; PYTHONS="python3.11 python3.12" makes them for all from 3.11 on.
+PYTHONS ?= $(PYTHON)
+BUILDER := $(VENV)/build
+$(BUILDER)/.installed: pyproject.toml constraints.txt
+	$(PYTHON) -m venv $(BUILDER)
+	$(BUILDER)/bin/python -m pip install --disable-pip-version-check -q -c constraints.txt pip
+	$(BUILDER)/bin/python -m pip install --disable-pip-version-check -q -c constraints.txt --group dist
+	touch $@
+
+dist: $(BUILDER)/.installed ## source distributions and wheels of everything into dist/, the web UI built
+	sh deploy/check-system.sh $(PYTHON)
+	deploy/dist.sh $(BUILDER)/bin/python $(filter-out $(PYTHON),$(PYTHONS))
+
+test-dist: dist $(DEV) ## the wheels in clean environments of all PYTHONS, without compiler and Node: `bpn up` in an empty folder
+	BPN_DIST=1 BPN_PYTHONS="$(PYTHONS)" $(BIN)/pytest tests/dist
+
+# Its packages are none of ours, and read the sources without importing them.
+DOCS := $(VENV)/docs
+$(DOCS)/.installed: pyproject.toml constraints.txt
+	$(PYTHON) -m venv $(DOCS)
+	$(DOCS)/bin/python -m pip install --disable-pip-version-check -q -c constraints.txt pip
+	$(DOCS)/bin/python -m pip install --disable-pip-version-check -q -c constraints.txt --group docs
+	touch $@
+
+docs: $(DOCS)/.installed ## the docs site into site/, searchable offline; a warning is an error
+	NO_MKDOCS_2_WARNING=1 $(DOCS)/bin/mkdocs build --strict --quiet
+
+coverage: $(DEV) ## which lines unit and contract tests run, in htmlcov/
+	$(BIN)/coverage run -m pytest -q tests/unit tests/contract
+	$(BIN)/coverage html -q
+	$(BIN)/coverage report
 
 version:         ## write the version of shared/pyproject.toml wherever it is repeated
 	$(PYTHON) -m checks.versions
 
-format: $(INSTALLED) ## write code as ruff wants it
+format: $(DEV) ## write code as ruff wants it
 	$(BIN)/ruff check --fix .
 	$(BIN)/ruff format .
 	$(BIN)/python services/dashboard/hatch_build.py format
 
-bench: $(INSTALLED) ## kernel, learner, loop and dashboard, side by side with what they are measured against
+bench: $(DEV) ## kernel, learner, loop and dashboard, side by side with what they are measured against
 	$(BIN)/bpn bench kernel
 	$(BIN)/bpn bench learner
 	$(BIN)/bpn bench loop
 	$(BIN)/bpn bench dashboard
 
-bench-sweep: $(INSTALLED) ## a sweep with one learner and with two, in containers (any Docker Engine)
+bench-sweep: $(DEV) ## a sweep with one learner and with two, in containers (any Docker Engine)
 	PYTHONPATH=tests/support $(BIN)/python bench/sweep.py
 
 TARGETS := inference reaching latency tracking pan-tilt heatmap
 JOBS ?= 1
 
-reproduce: $(INSTALLED) ## every figure and table of the paper into docs/results: days on two cores, resumable
+reproduce: $(DEV) ## every figure and table of the paper into docs/results: days on two cores, resumable
 	for target in $(TARGETS); do $(BIN)/bpn reproduce $$target --jobs $(JOBS) || exit; done
 
-reproduce-quick: $(INSTALLED) ## a tiny version of the same, to see that everything works
+reproduce-quick: $(DEV) ## a tiny version of the same, to see that everything works
 	for target in $(TARGETS); do $(BIN)/bpn reproduce $$target --jobs $(JOBS) --quick || exit; done
 
 doctor: $(INSTALLED) ## what this machine has, for bug reports
 	$(BIN)/bpn doctor
 
 clean:           ## remove what `make` installed and built; runs stay
-	rm -rf $(VENV) services/dashboard/web/node_modules services/dashboard/bpn_dashboard/static services/*/build services/edge/bpn_edge/kernel/*.so services/learner/bpn_learner/*.so
+	rm -rf $(VENV) dist site htmlcov services/dashboard/web/node_modules services/dashboard/bpn_dashboard/static services/*/build services/edge/bpn_edge/kernel/*.so services/learner/bpn_learner/*.so
 
 # The compiled kernels and the web UI are part of the editable installs, so their sources are among the prerequisites.
 $(INSTALLED): constraints.txt pyproject.toml $(PACKAGES:%=%/pyproject.toml) \
@@ -151,8 +194,15 @@ $(INSTALLED): constraints.txt pyproject.toml $(PACKAGES:%=%/pyproject.toml) \
               services/dashboard/hatch_build.py $(shell find services/dashboard/web -type f -not -path '*/node_modules/*' -not -path '*/generated/*')
 	sh deploy/check-system.sh $(PYTHON)
 	$(PYTHON) -m venv $(VENV)
+	@echo 'bpn, 1 of 2: build tools (CMake, Ninja, Node) into $(VENV), 100 MB'
 	$(PIP_INSTALL) pip
 	$(PIP_INSTALL) --group build
-	$(PIP_INSTALL) --group dev --no-build-isolation $(PACKAGES:%=-e %) -e 'bpn[bench,media]' \
+	@echo 'bpn, 2 of 2: torch, MuJoCo and the others, 550 MB where torch is for CPUs alone; then kernels and web UI are built'
+	$(PIP_LOUD) --no-build-isolation $(PACKAGES:%=-e %)
+	touch $@
+
+$(DEV): $(INSTALLED)
+	@echo 'bpn: what tests, benchmarks and figures need, 250 MB'
+	$(PIP_LOUD) --group dev --no-build-isolation $(PACKAGES:%=-e %) -e 'bpn[bench,data,media]' \
 	  -e 'services/robot_sim[gym]' -e 'services/learner[tensorboard]'
 	touch $@

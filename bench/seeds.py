@@ -26,7 +26,7 @@ from bpn_learner.initial import initial_policy
 from bpn_learner.networks import BinaryNetwork, PNetwork
 from bpn_learner.reward import function_of
 from bpn_learner.transitions import EpisodeData, Transitions
-from bpn_learner.update import PolicyUpdate, policy_update
+from bpn_learner.update import UpdateConfig, policy_update
 from bpn_robot.robot import Robot
 from bpn_robot.robots import make_robot
 from bpn_shared.bnn.weights import Weights
@@ -122,7 +122,7 @@ def iterations(
     """What each iteration came to, and at the end what the policy does under disturbances."""
     network, optimizer = initial_policy(config)
     player = Player(config)
-    data: deque[list[EpisodeData]] = deque(maxlen=config.datasets)
+    data: deque[list[EpisodeData]] = deque(maxlen=config.replay_iterations)
     player.load(export(network))
     for i in range(config.iterations):
         start = time.process_time()
@@ -144,7 +144,7 @@ def iterations(
             difference=config.difference,
         )
         report = policy_update(
-            network, optimizer, D, PolicyUpdate.of_iteration(config, i),
+            network, optimizer, D, UpdateConfig.of_iteration(config, i),
             shuffle_generator(config.seed, i),
         )  # fmt: skip
         weights = export(network)

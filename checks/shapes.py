@@ -18,7 +18,7 @@ def header() -> str:
         "kMaxKernel": network.MAX_KERNEL,
         "kMaxConvolutionChannels": network.MAX_CONVOLUTION_CHANNELS,
         "kMaxOutputs": max(
-            network.MAX_NODES, network.MAX_ACTIONS, network.MAX_CONVOLUTION_CHANNELS
+            network.MAX_HIDDEN_UNITS, network.MAX_ACTIONS, network.MAX_CONVOLUTION_CHANNELS
         ),
         "kMaxPixel": network.MAX_PIXEL,
     }

@@ -67,8 +67,8 @@ def _cell(page: str, path: str) -> list[float]:
 
 
 def _network(path: str) -> float:
-    channels, nodes, actions, what = path.split("/")
-    spec = NetworkSpec(channels=int(channels), nodes=int(nodes), actions=int(actions))
+    channels, hidden_units, actions, what = path.split("/")
+    spec = NetworkSpec(channels=int(channels), hidden_units=int(hidden_units), actions=int(actions))
     if what == "bytes":
         return blob.encoded_size(spec)
     return sum(layer.out_channels * layer.fan_in for layer in spec.layers)

@@ -7,9 +7,11 @@ from typing import Any, Literal, get_args, get_origin
 
 from annotated_types import Ge, Gt, Le, Lt
 
+from bpn_shared.spec.algorithms import algorithm_names
 from bpn_shared.spec.config import OPTIONS, RunConfig
 from bpn_shared.spec.gym import GYM_PREFIX, GymOptions
 from bpn_shared.spec.installed import is_installed, offered, preset_of
+from bpn_shared.spec.renamed import RENAMED, called_now
 
 _RANGES = {Ge: "≥ {}", Gt: "> {}", Le: "≤ {}", Lt: "< {}"}
 
@@ -33,12 +35,34 @@ def add_run_options(parser: argparse.ArgumentParser, arguments: Sequence[str]) -
                 {"nargs": "?", "const": True} if field.annotation is bool else {}
             )
             (of_gym if name in GymOptions.model_fields else group).add_argument(
-                f"--{name.replace('_', '-')}",
+                f"--{_flag(name)}",
                 dest=name,
-                metavar=_metavar(field),
+                metavar="|".join(algorithm_names()) if name == "algorithm" else _metavar(field),
                 help=_help(field, _default(name, defaults, task)),
                 **alone,
             )
+    for old in RENAMED:
+        refuse_old_name(parser, old)
+
+
+def refuse_old_name(parser: argparse.ArgumentParser, name: str) -> None:
+    """Makes an option of before end the program with the name that it has today."""
+    parser.add_argument(f"--{_flag(name)}", nargs="?", action=_Renamed, help=argparse.SUPPRESS)
+
+
+class _Renamed(argparse.Action):
+    """An option that has another name today."""
+
+    def __call__(
+        self, parser: argparse.ArgumentParser, _: Any, __: Any, option: Any = None
+    ) -> None:
+        old = self.dest
+        why = str(called_now(old)).replace(RENAMED[old], f"--{_flag(RENAMED[old])}")
+        parser.error(f"{option} {why}")
+
+
+def _flag(name: str) -> str:
+    return name.replace("_", "-")
 
 
 def defaults_of(task: str) -> dict[str, Any]:

@@ -15,13 +15,14 @@ def summarize(folder: RunFolder) -> dict[str, Any]:
     """The run's results.
 
     Returns:
-        run_id, state, iterations, episodes, transitions, episodes_lost, episodes_duplicated,
+        run_id, state, reason (why it finished before its last iteration, or failed; "" otherwise), iterations,
+        episodes, transitions, episodes_lost, episodes_duplicated,
         weights_version, weights_sha256 (of the policy alone: equal policies, equal digests), returns and
         lengths (means per iteration; pixels, or of a gym: task its own unit; steps), seconds (in all iterations),
         edge.inference_us and loop.camera_to_action_us ({p50, p99} over all steps), loop.steps_per_s and
         learner.updates_per_s (medians over iterations; the first includes the start of the processes).
     """
-    config, records = folder.config(), folder.metrics()
+    config, records, state = folder.config(), folder.metrics(), folder.state()
     kept = _stored(folder)
     learned_from = sum(record["episodes"] for record in records)
     stored = sum(
@@ -32,7 +33,8 @@ def summarize(folder: RunFolder) -> dict[str, Any]:
     weights = folder.newest_weights() if records else None
     return {
         "run_id": str(folder.run),
-        "state": folder.state().state,
+        "state": state.state,
+        "reason": state.error or "",
         "task": config.task,
         "algorithm": config.algorithm,
         "seed": config.seed,

@@ -47,8 +47,10 @@ class ThisMachine:
             ConfigError: something is missing; the message names it and the remedy.
         """
         from bpn_edge.kernel import load  # noqa: PLC0415 - it takes a second to load
+        from bpn_edge.kernel.choice import choose_kernel, kernels_here  # noqa: PLC0415
 
-        load(config.kernel)
+        load(choose_kernel(config.kernel, config.algorithm_spec.network, kernels_here()))
+        plugins.find(plugins.SELECTIONS, config.policy)
         if is_gym(config.task):  # which was probed, or takes a while to make
             check_allowed(config.task, config, self._gym_modules)
         else:
@@ -78,6 +80,7 @@ def _check_learner(config: RunConfig) -> None:
         reward_function(config.task_spec)
     except InputError as error:
         raise ConfigError(f"task {config.task!r} cannot be learned here: {error}") from error
+    plugins.find(plugins.TARGETS, config.algorithm_spec.targets)
     for name in config.callback_names:
         plugins.find(plugins.CALLBACKS, name)
         check_extra(name)

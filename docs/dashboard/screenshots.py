@@ -33,9 +33,9 @@ SIZE_PX: ViewportSize = {"width": 1280, "height": 800}
 THEMES: tuple[Literal["light"], Literal["dark"]] = ("light", "dark")
 COLOURS = 160
 SWEEP = {
-    "name": "alpha by nodes",
+    "name": "alpha by hidden units",
     "config": {"task": "reaching", "iterations": 12},
-    "grid": {"alpha": [0.5, 0.8, 0.95], "nodes": [64, 256]},
+    "grid": {"alpha": [0.5, 0.8, 0.95], "hidden_units": [64, 256]},
     "seeds": [0, 1],
 }
 
@@ -67,6 +67,7 @@ def bpn_up(runs_dir: Path) -> Iterator[tuple[str, float]]:
     """Gives the link that it prints, and when it was started."""
     started_s = time.monotonic()
     command = [sys.executable, "-m", "bpn", "up", "--port", "0", "--runs-dir", str(runs_dir)]
+    command += ["--first-run", "reaching"]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)  # noqa: S603
     links: queue.Queue[str] = queue.Queue()
     threading.Thread(target=read_link, args=(process, links), daemon=True).start()
@@ -194,7 +195,7 @@ def pictures_of_many(visit: Visit) -> None:
     visit.wait(
         lambda: states().get("finished", 0) >= 5, "the first runs of the sweep", SWEEP_DEADLINE_S
     )
-    visit.open("?page=runs&columns=name,state,algorithm,seed,config.alpha,config.nodes,"
+    visit.open("?page=runs&columns=name,state,algorithm,seed,config.alpha,config.hidden_units,"
                "iteration,return_last,return_best,updated")  # fmt: skip
     expect(page.get_by_role("region", name="Runs").get_by_role("rowheader")).to_have_count(13)
     visit.take("runs")
@@ -205,7 +206,7 @@ def pictures_of_many(visit: Visit) -> None:
     visit.open(f"?page=compare&sweep_id={sweep}")
     expect(page.get_by_role("application", name=re.compile("^Return"))).to_be_visible()
     visit.take("compare")
-    visit.open(f"?page=compare&sweep_id={sweep}&tab=heatmap&hx=alpha&hy=nodes")
+    visit.open(f"?page=compare&sweep_id={sweep}&tab=heatmap&hx=alpha&hy=hidden_units")
     expect(page.get_by_role("region", name="Heat map")).to_be_visible()
     visit.take("heatmap")
 

@@ -28,7 +28,7 @@ def centre() -> TaskSpec:
         control_period_s=0.1,
         success="last_reward",
         success_reward=-float(STEP_PX),
-        preset={"steps": 15, "iterations": 20, "nodes": 64, "relative_targets": True},
+        preset={"steps": 15, "iterations": 20, "hidden_units": 64, "relative_targets": True},
     )
 
 

@@ -28,6 +28,12 @@ class Group:
 
 TASKS = Group("bpn.tasks", "task")
 """Functions that return a task's specification; for whoever creates a run."""
+ALGORITHMS = Group("bpn.algorithms", "algorithm")
+"""What an algorithm is; for whoever creates a run."""
+TARGETS = Group("bpn.targets", "targets")
+"""What P is fitted to; for the learner."""
+SELECTIONS = Group("bpn.selections", "action selection")
+"""How actions are drawn from a policy's outputs; for the edge."""
 ROBOTS = Group("bpn.robots", "robot")
 """Factories of robots; for the robot service."""
 REWARDS = Group("bpn.rewards", "rewards")

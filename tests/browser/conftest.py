@@ -30,7 +30,14 @@ DEADLINE_MS = 60_000
 """Long, because only what is broken waits so long, on a machine that may be busy."""
 START_DEADLINE_S = 240.0
 TEST_DEADLINE_S = 600.0
-TINY = {"task": "reaching", "iterations": 3, "episodes": 4, "steps": 8, "epochs": 2, "nodes": 24}
+TINY = {
+    "task": "reaching",
+    "iterations": 3,
+    "episodes": 4,
+    "steps": 8,
+    "epochs": 2,
+    "hidden_units": 24,
+}
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
 
 expect.set_options(timeout=DEADLINE_MS)
@@ -139,7 +146,8 @@ def dashboard(
 ) -> Iterator[Dashboard]:
     """Router, dashboard, a learner, a robot and two edges, one of them idle; the first run is stopped."""
     runs_dir = tmp_path_factory.mktemp("runs")
-    arguments = ["up", "--port", "0", "--edges", "2", "--runs-dir", str(runs_dir)]
+    arguments = ["up", "--port", "0", "--edges", "2", "--first-run", "reaching"]
+    arguments += ["--runs-dir", str(runs_dir)]
     process = subprocess.Popen(command(*arguments), stdout=subprocess.PIPE, text=True)
     link: queue.Queue[str] = queue.Queue()
     threading.Thread(target=_find_link, args=(process, link), daemon=True).start()

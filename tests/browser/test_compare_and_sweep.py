@@ -42,7 +42,7 @@ def test_the_heat_map_of_a_sweep_leads_to_its_runs(
     dialog = page.get_by_role("dialog", name="Start a sweep")
     dialog.get_by_label("Name").fill("alpha by N")
     dialog.get_by_role("radio", name="Reaching").check()
-    for i, (key, values) in enumerate({"alpha": "0.5, 0.95", "nodes": "16, 24"}.items(), 1):
+    for i, (key, values) in enumerate({"alpha": "0.5, 0.95", "hidden_units": "16, 24"}.items(), 1):
         dialog.get_by_role("button", name="Add a key").click()
         dialog.get_by_label(f"Key {i}").select_option(key)
         dialog.get_by_label(f"Values of {key}").fill(values)
@@ -66,7 +66,7 @@ def test_the_heat_map_of_a_sweep_leads_to_its_runs(
     cells = heatmap.get_by_role("link")
     expect(cells).to_have_count(4)
     heatmap.get_by_role(
-        "link", name=re.compile("alpha 0.95.*nodes 16|nodes 16.*alpha 0.95")
+        "link", name=re.compile("alpha 0.95.*hidden_units 16|hidden_units 16.*alpha 0.95")
     ).click()
     expect(page.get_by_role("heading", name="Runs", level=1)).to_be_visible()
     expect(page.get_by_role("region", name="Runs").get_by_role("rowheader")).to_have_count(1)

@@ -33,7 +33,7 @@ def test_start_watch_stop_and_resume_a_run(page: Page) -> None:
     dialog.get_by_label("Name").fill("from the dialog")
     choose_reaching_with(
         dialog,
-        {"iterations": "5000", "episodes": "4", "epochs": "2", "nodes": "24", "steps": "8"},
+        {"iterations": "5000", "episodes": "4", "epochs": "2", "hidden_units": "24", "steps": "8"},
     )
     dialog.get_by_role("button", name="Start run").click()
 
@@ -199,7 +199,7 @@ def test_logs_are_searched_and_downloaded(
 def test_configuration_and_its_difference(page: Page, dashboard: Any, finished: str) -> None:
     other = dashboard.start(name="with another beta", beta=2.5, iterations=1)
     open_run(page, dashboard, finished, "config")
-    row = page.get_by_role("row", name=re.compile("^nodes"))
+    row = page.get_by_role("row", name=re.compile("^hidden_units"))
     expect(row).to_contain_text("24")
     expect(row).to_contain_text("preset 256")
     page.get_by_label("Other run", exact=True).select_option(value=other)

@@ -23,6 +23,7 @@ def test_deleted_undone_deleted_and_restored(page: Page, dashboard: Any, watch: 
     expect(page.get_by_role("heading", name="Trash", level=1)).to_be_visible()
     removed = page.get_by_role("listitem").filter(has_text="to be deleted")
     expect(removed.get_by_text("kept until")).to_be_visible()
+    expect(removed.get_by_text("KiB")).to_be_visible()
     expect(removed.get_by_role("button", name="Delete for good")).to_be_disabled()  # an operator
     removed.get_by_role("button", name="Restore").click()
     expect(removed).to_have_count(0)

@@ -11,7 +11,7 @@ from playwright.sync_api import Page, expect
 @pytest.fixture
 def waiting(dashboard: Any) -> Iterator[str]:
     """A run that wants more learners than there are."""
-    run = dashboard.start(learners=9, batch=32, name="wants nine learners")
+    run = dashboard.start(learners=9, batch_size=32, name="wants nine learners")
     yield run
     dashboard.ask("POST", f"/runs/{run}/stop")
 

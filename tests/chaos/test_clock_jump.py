@@ -21,7 +21,7 @@ from bpn_shared.spec.config import RunConfig
 
 DAY_S = 86_400
 CONFIG = RunConfig.for_task(
-    "reaching", seed=13, iterations=6, episodes=8, epochs=1, nodes=24, datasets=2
+    "reaching", seed=13, iterations=6, episodes=8, epochs=1, hidden_units=24, replay_iterations=2
 )
 JUMPING = """
 import os, time

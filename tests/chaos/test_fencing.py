@@ -21,7 +21,15 @@ from bpn_shared.runtime.worker import EXIT_UNRECOVERABLE
 from bpn_shared.spec.config import RunConfig
 
 CONFIG = RunConfig.for_task(
-    "reaching", seed=5, iterations=40, episodes=2, steps=2, epochs=2, batch=2, nodes=1, datasets=2
+    "reaching",
+    seed=5,
+    iterations=40,
+    episodes=2,
+    steps=2,
+    epochs=2,
+    batch_size=2,
+    hidden_units=1,
+    replay_iterations=2,
 )
 
 

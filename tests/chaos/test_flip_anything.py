@@ -24,7 +24,15 @@ from bpn_shared.spec.config import RunConfig
 
 CASES = 300 if os.environ.get("BPN_CHAOS") else 12
 CONFIG = RunConfig.for_task(
-    "reaching", seed=5, iterations=5, episodes=2, steps=2, epochs=2, batch=2, nodes=1, datasets=2
+    "reaching",
+    seed=5,
+    iterations=5,
+    episodes=2,
+    steps=2,
+    epochs=2,
+    batch_size=2,
+    hidden_units=1,
+    replay_iterations=2,
 )
 GOLDEN = Path(__file__).parents[1] / "golden"
 GOLDEN_SHA256 = "dd6664fad82efa274249a4fa074d0cac42c0dee7e1361d9dd6904feb12dc0282"

@@ -16,7 +16,14 @@ from bpn_shared.runs.folder import RunFolder
 
 WITHIN_S = 60.0
 """A run goes on or says why it does not."""
-CONFIG = {"task": "reaching", "seed": 5, "iterations": 4, "episodes": 12, "epochs": 2, "nodes": 24}
+CONFIG = {
+    "task": "reaching",
+    "seed": 5,
+    "iterations": 4,
+    "episodes": 12,
+    "epochs": 2,
+    "hidden_units": 24,
+}
 WaitFor = Callable[..., None]
 
 

@@ -26,7 +26,7 @@ from bpn_shared.runs.folder import RunFolder
 from bpn_shared.spec.config import RunConfig
 
 CONFIG = RunConfig.for_task(
-    "reaching", seed=11, iterations=5, episodes=40, epochs=1, nodes=24, datasets=2
+    "reaching", seed=11, iterations=5, episodes=40, epochs=1, hidden_units=24, replay_iterations=2
 )
 VICTIMS = ["edge-0", "robot-0", "learner", "router"]
 

@@ -25,7 +25,14 @@ from bpn_shared.spec.config import RunConfig
 
 WaitFor = Callable[..., None]
 CONFIG = RunConfig.for_task(
-    "reaching", seed=7, iterations=3, episodes=6, epochs=30, batch=32, nodes=24, learners=2
+    "reaching",
+    seed=7,
+    iterations=3,
+    episodes=6,
+    epochs=30,
+    batch_size=32,
+    hidden_units=24,
+    learners=2,
 )
 LONG_S = 120.0
 

@@ -24,8 +24,26 @@ from bpn_shared.bus.requests import NoReplyError, RefusedError, request
 from bpn_shared.bus.session import Bus
 
 WITHIN_S = 60.0
-SMALL = ["--seed", "5", "--iterations", "2", "--episodes", "4", "--epochs", "1", "--nodes", "24"]
-CONFIG = {"task": "reaching", "seed": 5, "iterations": 3, "episodes": 20, "epochs": 1, "nodes": 24}
+SMALL = [
+    "--seed",
+    "5",
+    "--iterations",
+    "2",
+    "--episodes",
+    "4",
+    "--epochs",
+    "1",
+    "--hidden-units",
+    "24",
+]
+CONFIG = {
+    "task": "reaching",
+    "seed": 5,
+    "iterations": 3,
+    "episodes": 20,
+    "epochs": 1,
+    "hidden_units": 24,
+}
 WaitFor = Callable[..., None]
 
 
@@ -197,7 +215,7 @@ def test_on_a_full_disk_a_run_says_so_and_goes_on_when_there_is_room(
     with (
         running_pool(small_disk) as pool,
         terminal(
-            tmp_path, "reaching", "--iterations", "6", "--episodes", "20", "--epochs", "1", "--nodes", "24",
+            tmp_path, "reaching", "--iterations", "6", "--episodes", "20", "--epochs", "1", "--hidden-units", "24",
             "--runs-dir", str(pool.runs_dir),
         ) as shown,
     ):  # fmt: skip

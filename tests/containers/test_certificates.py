@@ -12,7 +12,14 @@ from compose_project import SERVICES, Project
 WaitFor = Callable[..., None]
 FILES = "tests/containers/short-certificates.yaml"
 LIFE_S = 180.0
-RUN = {"iterations": 150, "episodes": 10, "epochs": 1, "nodes": 24, "datasets": 2, "seed": 11}
+RUN = {
+    "iterations": 150,
+    "episodes": 10,
+    "epochs": 1,
+    "nodes": 24,
+    "replay_iterations": 2,
+    "seed": 11,
+}
 """Longer than the last half minute of a certificate, on a machine that does nothing else."""
 END = """
 from pathlib import Path

@@ -14,7 +14,14 @@ from bpn_shared.version import PROTOCOL, VERSION
 
 WaitFor = Callable[..., None]
 
-SMALL = {"iterations": 3, "episodes": 6, "epochs": 1, "nodes": 24, "datasets": 2, "seed": 7}
+SMALL = {
+    "iterations": 3,
+    "episodes": 6,
+    "epochs": 1,
+    "hidden_units": 24,
+    "replay_iterations": 2,
+    "seed": 7,
+}
 RUN_TIMEOUT_S = 240.0
 EDGE_BEYOND_BASE_BYTES = 150 * 1000**2
 

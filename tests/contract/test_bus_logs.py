@@ -4,6 +4,7 @@ from pathlib import Path
 from uuid import UUID
 
 import pytest
+from logged import lines
 
 from bpn_shared.bus import keys, logs
 from bpn_shared.bus.latest import LatestPublisher
@@ -91,7 +92,7 @@ def test_lines_that_cannot_be_written_are_said_to_be_lost_once(
             return collector.lost >= count
 
         wait_for(lambda: lost(5), "lines to be lost")
-        said = [r.getMessage() for r in caplog.records if "log lines of workers" in r.getMessage()]
+        said = lines(caplog, LogCollector)
         assert said == ["log lines of workers are lost: " + said[0].partition(": ")[2]]
         assert "No such file or directory" in said[0]
         folder.unlink()
@@ -103,4 +104,4 @@ def test_lines_that_cannot_be_written_are_said_to_be_lost_once(
 
         wait_for(kept, "lines to be kept")
         wait_for(lambda: collector.lost == 0, "the count to be told")
-        assert "kept again" in caplog.records[-1].message
+        assert "kept again" in lines(caplog, LogCollector)[-1]

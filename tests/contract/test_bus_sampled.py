@@ -13,7 +13,7 @@ from bpn_shared.bus.telemetry import TelemetryPublisher, TelemetryWatch
 from bpn_shared.bus.watch import Watch
 from bpn_shared.counters import Counters
 from bpn_shared.messages.telemetry import Telemetry
-from bpn_shared.runtime.telemetry import Latencies, Reporter, WeightsMarks
+from bpn_shared.runtime.telemetry import Latencies, Reporter, WeightsTimeline
 from bpn_shared.waiting import Waiting
 
 OpenBus = Callable[[], Bus]
@@ -117,7 +117,7 @@ def test_telemetry_of_every_service_reaches_the_watcher(
         bus = open_bus()
         reporter = Reporter(
             "edge", name, lambda: (None, None), bus.traffic, waiting=Waiting(),
-            counters=told, latencies=Latencies(), weights=WeightsMarks(),
+            counters=told, latencies=Latencies(), weights=WeightsTimeline(),
         )  # fmt: skip
         publishers.append(TelemetryPublisher(bus, "edge", name, reporter.report, Counters()))
     wait_for(lambda: {h.worker for h in heard} == {"edge-1", "edge-2"}, "both services' reports")

@@ -34,9 +34,9 @@ TASKS: dict[str, Values] = {
     "reaching": {"seed": 3, "alpha": 0.5},
     "tracking": {"algorithm": "bqn"},
     "pan_tilt": {"iterations": 7},
-    "gym:CartPole-v1": {"nodes": 64},
+    "gym:CartPole-v1": {"hidden_units": 64},
     "gym:MountainCar-v0": {
-        "frames_stacked": 3, "mask_terminals": False, "crop": "0,50,600,300", "difference": True,
+        "frames_stacked": 3, "bootstrap_terminals": True, "crop": "0,50,600,300", "difference": True,
         "frame_skip": 4, "max_over_frames": 2, "env_kwargs": '{"goal_velocity": 0.01}',
         "env_wrappers": "RecordEpisodeStatistics",
     },

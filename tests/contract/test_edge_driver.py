@@ -30,7 +30,12 @@ def test_an_episode_holds_what_the_policy_saw_said_and_did(
     algorithm: str,
 ) -> None:
     config = RunConfig.for_task(
-        "gym:CartPole-v1", algorithm=algorithm, actions=5, nodes=16, steps=STEPS, frames_stacked=3
+        "gym:CartPole-v1",
+        algorithm=algorithm,
+        actions=5,
+        hidden_units=16,
+        steps=STEPS,
+        frames_stacked=3,
     )
     playing = scene(
         config, lambda header, step: header._replace(reward=step / 4, deadline_misses=step)
@@ -62,7 +67,7 @@ def test_an_episode_holds_what_the_policy_saw_said_and_did(
     assert len(actions) > 1  # or the test would show little
 
 
-CONFIG = RunConfig.for_task("reaching", nodes=16, steps=3)
+CONFIG = RunConfig.for_task("reaching", hidden_units=16, steps=3)
 
 
 def test_a_frame_that_comes_again_gets_the_same_action(
@@ -178,7 +183,7 @@ def test_in_realtime_an_episode_with_a_lost_frame_is_played_again(
     scene: Callable[..., Scene],
     wait_for: Callable[..., None],
 ) -> None:
-    config = RunConfig.for_task("reaching", nodes=16, steps=3, pacing="realtime")
+    config = RunConfig.for_task("reaching", hidden_units=16, steps=3, pacing="realtime")
 
     def skip(header: FrameHeader, step: int) -> FrameHeader:
         return header._replace(step=2) if step == 1 else header

@@ -10,9 +10,10 @@ from loop_parts import Running
 from bpn_edge import service as edge
 from bpn_shared.bus.session import Bus
 from bpn_shared.messages.control import Assignment
-from bpn_shared.spec.config import Pacing, RunConfig
+from bpn_shared.spec.config import RunConfig
+from bpn_shared.spec.sections import Pacing
 
-CONFIG = RunConfig.for_task("reaching", nodes=16, steps=3)
+CONFIG = RunConfig.for_task("reaching", hidden_units=16, steps=3)
 
 
 def test_it_waits_for_what_the_learner_says_and_ends_when_that_is_done(

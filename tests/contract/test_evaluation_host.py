@@ -14,7 +14,7 @@ from bpn_shared.bus.session import Bus
 from bpn_shared.messages.control import Assignment, NextEpisode
 from bpn_shared.spec.config import RunConfig
 
-CONFIG = RunConfig.for_task("reaching", nodes=16, steps=3)
+CONFIG = RunConfig.for_task("reaching", hidden_units=16, steps=3)
 
 
 def test_what_an_edge_has_in_hand_goes_to_nobody_until_the_edge_has_lost_it(

@@ -25,7 +25,7 @@ from bpn_shared.messages.frame import FrameKind
 from bpn_shared.spec.config import RunConfig
 from bpn_shared.spec.seeds import episode_seed
 
-REACHING = RunConfig.for_task("reaching", nodes=16, steps=3)
+REACHING = RunConfig.for_task("reaching", hidden_units=16, steps=3)
 OpenBus = Callable[[], Bus]
 
 
@@ -33,7 +33,7 @@ def at(wanted: int, **changes: Any) -> Headers:
     return lambda header, step: header._replace(**changes) if step == wanted else header
 
 
-GYM = RunConfig.for_task("gym:CartPole-v1", actions=2, nodes=16, steps=3, frames_stacked=1)
+GYM = RunConfig.for_task("gym:CartPole-v1", actions=2, hidden_units=16, steps=3, frames_stacked=1)
 EVIL = {
     "zero": (REACHING, at(0, kind=FrameKind.LAST), "frame 0 of the robot is LAST"),
     "first again": (REACHING, at(2, kind=FrameKind.FIRST), "frame 2 of the robot is FIRST"),
@@ -118,7 +118,7 @@ class Trap(gymnasium.Env[Any, Any]):
 
 
 gymnasium.register("bpn-test/Trap-v0", entry_point=Trap, disable_env_checker=True)
-TRAP = RunConfig.for_task("gym:bpn-test/Trap-v0", actions=2, nodes=16, steps=6)
+TRAP = RunConfig.for_task("gym:bpn-test/Trap-v0", actions=2, hidden_units=16, steps=6)
 
 
 @pytest.fixture

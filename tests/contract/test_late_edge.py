@@ -15,7 +15,7 @@ from bpn_shared.bus.session import Bus
 from bpn_shared.messages.episode import Episode
 from bpn_shared.spec.config import RunConfig
 
-CONFIG = RunConfig.for_task("reaching", nodes=16, steps=3)
+CONFIG = RunConfig.for_task("reaching", hidden_units=16, steps=3)
 
 
 @contextmanager

@@ -87,7 +87,7 @@ def test_an_update_begins_when_all_learners_are_there_and_its_sums_are_all_of_th
         assert meetings[-1].host == "127.0.0.1"  # where the router is
         with contextlib.closing(join(workers[rank], meetings[-1], CONFIG)) as group:
             values = torch.tensor([float(rank)])
-            group.add_up(values)
+            group.all_reduce_sum(values)
             sums[rank] = float(values)
 
     with gathering(workers[0]) as first:
@@ -102,7 +102,7 @@ def test_an_update_begins_when_all_learners_are_there_and_its_sums_are_all_of_th
         assert first.error is None
         assert first.group is not None
         values = torch.tensor([10.0])
-        first.group.add_up(values)
+        first.group.all_reduce_sum(values)
         for other in others:
             other.join(30)
         assert sums == {1: 13.0, 2: 13.0}

@@ -20,7 +20,7 @@ from bpn_shared.bus.session import Bus
 from bpn_shared.bus.telemetry import TelemetryPublisher
 from bpn_shared.counters import Counters
 from bpn_shared.messages.decision import Decision
-from bpn_shared.runtime.telemetry import Latencies, Reporter, WeightsMarks
+from bpn_shared.runtime.telemetry import Latencies, Reporter, WeightsTimeline
 from bpn_shared.waiting import Waiting
 
 
@@ -232,7 +232,7 @@ def test_topology_follows_a_service_from_birth_to_death(
     waiting.set("a frame from robot 0")
     reporter = Reporter(
         "edge", "edge-1", lambda: (RUN, 0), bus.traffic, waiting=waiting,
-        counters=Counters(), latencies=Latencies(), weights=WeightsMarks(),
+        counters=Counters(), latencies=Latencies(), weights=WeightsTimeline(),
     )  # fmt: skip
     publisher = TelemetryPublisher(bus, "edge", "edge-1", reporter.report, Counters())
     token = AliveToken(bus, "edge", "edge-1")

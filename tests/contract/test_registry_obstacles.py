@@ -13,6 +13,7 @@ import pytest
 from registry_world import Puppet, Registry, WaitFor, state_of
 
 from bpn_dashboard.registry import dispatcher as dispatching
+from bpn_dashboard.registry import releases as releasing
 from bpn_dashboard.registry import setbacks
 from bpn_dashboard.registry.dispatcher import Dispatcher
 from bpn_dashboard.registry.election import Candidate
@@ -22,7 +23,7 @@ from bpn_shared.bus import keys
 from bpn_shared.bus.requests import RefusedError, Responder, request
 from bpn_shared.bus.session import Bus
 from bpn_shared.counters import Counters
-from bpn_shared.messages.lease import GiveBack, LeaseRequest, Role
+from bpn_shared.messages.lease import GiveBack, LeaseRequest, ReleaseReply, Role
 from bpn_shared.runtime import leased, watchdog
 from bpn_shared.runtime.leased import LeaseLoop
 from bpn_shared.runtime.worker import Worker, WorkerProcess
@@ -301,11 +302,25 @@ def test_rounds_that_fail_are_told_once_and_why_nobody_gets_work(
     wait_for(lambda: registry.running.trouble is None, "the rounds to go on")
 
 
-def test_workers_that_do_not_let_go_delay_nobody(open_bus: Callable[[], Bus]) -> None:
-    releases = Releases(open_bus(), Counters())
-    places = [(Place(UUID(int=1), "edge", slot), f"edge-{slot}", "over") for slot in range(40)]
-    begin_s = time.monotonic()
+def test_a_worker_that_does_not_let_go_delays_nobody(
+    open_bus: Callable[[], Bus], wait_for: WaitFor, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(releasing, "_TIMEOUT_S", 60.0)
+    asked, thawed = threading.Event(), threading.Event()
+
+    def frozen(_body: bytes) -> bytes:
+        asked.set()
+        thawed.wait(120)
+        return ReleaseReply(working=False).encode()
+
+    worker = Responder(open_bus(), keys.control("edge", "edge-0"), frozen, Counters())
+    counters = Counters()
+    releases = Releases(open_bus(), counters)
     for _ in range(10):
-        releases.tell(places)
-    assert time.monotonic() - begin_s < 1.0  # each of the 40 would take as long
+        releases.tell([(Place(UUID(int=1), "edge", 0), "edge-0", "over")])
+    wait_for(asked.is_set, "it to be told")
+    assert counters.snapshot() == {}  # nobody has waited for its answer in vain
+    thawed.set()
     releases.close()
+    assert counters.snapshot() == {}
+    worker.close()

@@ -22,8 +22,8 @@ from bpn_shared.runtime.ask import ask
 from bpn_shared.spec.config import RunConfig
 from bpn_shared.waiting import Waiting
 
-LOCKSTEP = RunConfig.for_task("reaching", nodes=16, steps=3)
-REALTIME = RunConfig.for_task("tracking", nodes=16, steps=4, pacing="realtime")
+LOCKSTEP = RunConfig.for_task("reaching", hidden_units=16, steps=3)
+REALTIME = RunConfig.for_task("tracking", hidden_units=16, steps=4, pacing="realtime")
 
 
 class EdgeSide:

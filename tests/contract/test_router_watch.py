@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterator
 
 import pytest
 from counting_proxy import CountingProxy
+from logged import lines
 
 from bpn_shared.bus.router_watch import RouterLostError, RouterWatch
 from bpn_shared.bus.session import Bus
@@ -32,10 +33,6 @@ class Watched:
         )
 
 
-def said(caplog: pytest.LogCaptureFixture) -> list[str]:
-    return [r.message for r in caplog.records if r.name.endswith("router_watch")]
-
-
 def test_lost_and_back_are_one_line_each_however_long_it_takes(
     running_router: RunningRouter, free_tcp_endpoint: str, wait_for: WaitFor,
     caplog: pytest.LogCaptureFixture,
@@ -52,13 +49,14 @@ def test_lost_and_back_are_one_line_each_however_long_it_takes(
         what, since_s = watched.waiting.snapshot()
         assert what is not None
         assert free_tcp_endpoint in what
-        lines = len(said(caplog))  # one, or two if the router was just ending at the first look
+        # one, or two if the router was just ending at the first look
+        count = len(lines(caplog, RouterWatch))
         wait_for(lambda: watched.waiting.snapshot()[1] > since_s + 10 * PERIOD_S, "some looks")
-        assert len(said(caplog)) == lines <= 2
+        assert len(lines(caplog, RouterWatch)) == count <= 2
         with running_router(free_tcp_endpoint):
-            wait_for(lambda: len(said(caplog)) > lines, "the line that it is back")
+            wait_for(lambda: len(lines(caplog, RouterWatch)) > count, "the line that it is back")
             assert watched.waiting.snapshot() == (None, 0.0)
-            *lost, back = said(caplog)
+            *lost, back = lines(caplog, RouterWatch)
             assert all(line.startswith("lost the router") for line in lost)
             assert re.search("is back after [0-9]+ s", back)
             assert watched.counters.snapshot() == {"router_lost": 1}

@@ -14,7 +14,7 @@ from bpn_shared.messages.episode import Episode
 from bpn_shared.runs.folder import RunFolder
 
 SHORT = [
-    "--iterations", "1", "--episodes", "2", "--steps", "30", "--epochs", "1", "--nodes", "16",
+    "--iterations", "1", "--episodes", "2", "--steps", "30", "--epochs", "1", "--hidden-units", "16",
     "--frame-channels", "3", "--json",
 ]  # fmt: skip
 

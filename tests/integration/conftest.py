@@ -11,9 +11,9 @@ OPTIONS = [
     "12",
     "--epochs",
     "2",
-    "--nodes",
+    "--hidden-units",
     "24",
-    "--datasets",
+    "--replay-iterations",
     "2",
 ]
 

@@ -17,9 +17,9 @@ SMALL = [
     "2",
     "--epochs",
     "1",
-    "--nodes",
+    "--hidden-units",
     "16",
-    "--batch",
+    "--batch-size",
     "8",
 ]
 
@@ -29,7 +29,7 @@ def test_a_run_is_evaluated_ends_early_and_another_begins_with_its_weights(
 ) -> None:
     plain = train(*SMALL, "--iterations", "2", runs_dir=tmp_path)
     evaluated = train(
-        *SMALL, "--iterations", "9", "--learning-rate-last", "1", "--evaluate-every", "1",
+        *SMALL, "--iterations", "9", "--lr-run-final-factor", "1", "--evaluate-every", "1",
         "--evaluate-episodes", "2", "--robots", "2", "--stop-when", "iteration>=1", runs_dir=tmp_path,
     )  # fmt: skip
     assert (evaluated["state"], evaluated["iterations"], evaluated["episodes"]) == (
@@ -38,7 +38,9 @@ def test_a_run_is_evaluated_ends_early_and_another_begins_with_its_weights(
         4,
     )
     folder = RunFolder.open(tmp_path, evaluated["run_id"])
-    assert folder.state().error == "stopped early after iteration 1: iteration = 1 >= 1"
+    assert evaluated["reason"] == "stopped early after iteration 1: iteration = 1 >= 1"
+    assert folder.state().error == evaluated["reason"]
+    assert plain["reason"] == ""
     evaluations = [record["eval_return"] for record in folder.metrics()]
     assert folder.best().value == max(evaluations)
     assert folder.best().version == 1 + evaluations.index(max(evaluations))

@@ -28,8 +28,8 @@ DELAY_MS = 2.76 * PERIOD_MS
 @pytest.fixture(scope="module")
 def tracking_run(train: Callable[..., dict[str, Any]]) -> RunFolder:
     run = train(
-        "tracking", "--iterations", "1", "--episodes", "2", "--epochs", "1", "--nodes", "16",
-        "--steps", str(STEPS), "--batch", "8",
+        "tracking", "--iterations", "1", "--episodes", "2", "--epochs", "1", "--hidden-units", "16",
+        "--steps", str(STEPS), "--batch-size", "8",
     )  # fmt: skip
     return RunFolder.open(Path(run["runs_dir"]), run["run_id"])
 

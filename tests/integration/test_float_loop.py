@@ -23,7 +23,7 @@ from bpn_shared.runs.folder import RunFolder
 Train = Callable[..., dict[str, Any]]
 OPTIONS = [
     "reaching", "--algorithm", "cvi", "--seed", "5", "--iterations", "3", "--episodes", "8",
-    "--epochs", "2", "--nodes", "24", "--datasets", "2",
+    "--epochs", "2", "--hidden-units", "24", "--replay-iterations", "2",
 ]  # fmt: skip
 
 

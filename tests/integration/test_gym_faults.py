@@ -57,7 +57,7 @@ def test_a_run_that_cannot_go_on_says_why_and_ends(
     done = subprocess.run(
         command(
             "train", f"gym:bpn-odd/{name}-v0", "--iterations", "1", "--episodes", "2", "--steps", "40",
-            "--epochs", "1", "--nodes", "16", "--runs-dir", str(tmp_path / "runs"),
+            "--epochs", "1", "--hidden-units", "16", "--runs-dir", str(tmp_path / "runs"),
         ),
         capture_output=True, text=True, timeout=200, check=False,
     )  # fmt: skip

@@ -14,7 +14,7 @@ from bpn_shared.runs.folder import RunFolder
 
 Command = Callable[..., list[str]]
 OPTIONS = [
-    "gym:CartPole-v1", "--iterations", "2", "--episodes", "6", "--epochs", "1", "--nodes", "16",
+    "gym:CartPole-v1", "--iterations", "2", "--episodes", "6", "--epochs", "1", "--hidden-units", "16",
     "--frame-skip", "2", "--steps", "12",
 ]  # fmt: skip
 
@@ -27,7 +27,7 @@ def cartpole(train: Callable[..., dict[str, Any]]) -> dict[str, Any]:
 def test_rewards_travel_with_the_frames_and_are_the_return(cartpole: dict[str, Any]) -> None:
     folder = RunFolder.open(Path(cartpole["runs_dir"]), cartpole["run_id"])
     config = folder.config()
-    assert (config.actions, config.frame_skip, config.mask_terminals) == (2, 2, True)
+    assert (config.actions, config.frame_skip, config.bootstrap_terminals) == (2, 2, False)
     for record in folder.metrics():
         episodes = [
             Episode.decode(

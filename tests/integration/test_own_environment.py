@@ -64,7 +64,7 @@ def register_envs():
 '''
 TASK = "gym:lab_pack.lights:Lab/Light-v0"
 OPTIONS = [
-    TASK, "--iterations", "2", "--episodes", "2", "--epochs", "1", "--nodes", "16", "--steps", "9",
+    TASK, "--iterations", "2", "--episodes", "2", "--epochs", "1", "--hidden-units", "16", "--steps", "9",
     "--frame-channels", "3", "--env-kwargs", '{"colour": [200, 100, 50]}', "--env-wrappers",
     "lab_pack.lights:Dimmed", "--observation-key", "image", "--crop", "84,0,84,84", "--difference",
     "--action-bins", "3",

@@ -121,4 +121,4 @@ def test_it_is_offered_beside_ours(site: Path, monkeypatch: pytest.MonkeyPatch) 
     monkeypatch.syspath_prepend(str(site))
     tasks = offered()
     assert {"centre", "reaching"} <= {spec.name for spec in tasks.specs}
-    assert tasks.presets["centre"]["nodes"] == 64
+    assert tasks.presets["centre"]["hidden_units"] == 64

@@ -23,7 +23,7 @@ WaitFor = Callable[..., None]
 @pytest.fixture(scope="module")
 def pool(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Pool]:
     runs_dir = tmp_path_factory.mktemp("pool")
-    with running_pool(runs_dir, "--learners", "2", first_run=True) as running:
+    with running_pool(runs_dir, "--learners", "2", "--first-run", "reaching") as running:
         yield running
 
 

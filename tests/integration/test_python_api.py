@@ -15,7 +15,14 @@ from bpn_shared.spec.config import RunConfig
 from bpn_shared.spec.observation import stack
 
 ROOT = Path(__file__).parents[2]
-SMALL = {"iterations": 2, "episodes": 3, "steps": 6, "epochs": 1, "nodes": 8, "batch": 8}
+SMALL = {
+    "iterations": 2,
+    "episodes": 3,
+    "steps": 6,
+    "epochs": 1,
+    "hidden_units": 8,
+    "batch_size": 8,
+}
 
 
 @pytest.fixture(scope="module")

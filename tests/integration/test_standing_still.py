@@ -17,7 +17,7 @@ from bpn_shared.runtime import watchdog
 from bpn_shared.spec.config import RunConfig
 
 DEADLINE_S = 120.0
-SMALL = {"iterations": 1, "epochs": 1, "nodes": 16, "steps": 12, "batch": 8}
+SMALL = {"iterations": 1, "epochs": 1, "hidden_units": 16, "steps": 12, "batch_size": 8}
 WaitFor = Callable[..., None]
 
 

@@ -8,9 +8,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import torch
+from safetensors.torch import save
 
 from bpn.verify.findings import CHECKS, Difference, Findings
-from bpn.verify.verification import Verification
+from bpn.verify.verification import Verification, what_is_trusted
 from bpn_shared.bnn.blob import WeightBlob
 from bpn_shared.runs.folder import RunFolder
 from bpn_shared.spec.config import RunConfig
@@ -19,18 +21,19 @@ Command = Callable[..., list[str]]
 Train = Callable[..., dict[str, Any]]
 
 SMALL = [
-    "--seed", "9", "--iterations", "3", "--episodes", "4", "--epochs", "3", "--nodes", "16",
-    "--datasets", "2", "--batch", "12", "--beta", "2.5", "--gamma", "0.8", "--learning-rate", "0.004",
-    "--learning-rate-final", "0.1", "--learning-rate-last", "0.3", "--reward-scale", "0.05",
+    "--seed", "9", "--iterations", "3", "--episodes", "4", "--epochs", "3", "--hidden-units", "16",
+    "--replay-iterations", "2", "--batch-size", "12", "--beta", "2.5", "--gamma", "0.8",
+    "--learning-rate", "0.004", "--lr-update-final-factor", "0.1", "--lr-run-final-factor", "0.3",
+    "--reward-scale", "0.05",
 ]  # fmt: skip
 RUNS = {
     "bpn": ["reaching", "--alpha", "0.6", "--scale-initial", "0.3"],
     "bqn": ["tracking", "--algorithm", "bqn", "--steps", "12", "--epsilon-initial", "0.7",
-            "--epsilon-final", "0.3", "--mask-terminals", "true"],
+            "--epsilon-final", "0.3", "--bootstrap-terminals", "false"],
     "cvi": ["tracking", "--algorithm", "cvi", "--steps", "12", "--alpha", "0.6"],
-    "dqn": ["reaching", "--algorithm", "dqn", "--epsilon-initial", "0.7", "--engine", "plain"],
+    "dqn": ["reaching", "--algorithm", "dqn", "--epsilon-initial", "0.7", "--backend", "torch"],
     "dpp": ["reaching", "--algorithm", "dpp", "--robots", "2"],
-    "pan and tilt": ["pan_tilt", "--steps", "12", "--alpha", "0.6", "--engine", "plain"],
+    "pan and tilt": ["pan_tilt", "--steps", "12", "--alpha", "0.6", "--backend", "torch"],
     "gym": ["gym:CartPole-v1", "--steps", "25", "--frame-skip", "2", "--alpha", "0.6"],
     "two learners": ["reaching", "--learners", "2", "--alpha", "0.6", "--robots", "2"],
     "two float learners": ["reaching", "--algorithm", "cvi", "--learners", "2", "--alpha", "0.6"],
@@ -80,6 +83,72 @@ def test_a_run_agrees_with_what_is_recomputed(name: str, train: Train) -> None:
     assert findings["actions"].compared >= 3 * 4 * 4
 
 
+@pytest.fixture(scope="module")
+def warm(bpn: RunFolder, train: Train) -> RunFolder:
+    """A run that begins with another one's weights, beside it."""
+    return folder_of(
+        train(
+            *RUNS["bpn"],
+            *SMALL,
+            "--seed",
+            "11",
+            "--init-from",
+            str(bpn.run),
+            runs_dir=bpn.path.parent,
+        )
+    )
+
+
+def test_a_run_that_begins_with_anothers_weights_agrees(warm: RunFolder) -> None:
+    findings = verified(warm)
+    assert differing(findings) == {}
+    assert findings["initial weights"].compared == 4  # policy, other run, copy, version 0
+    assert findings["initial weights"].notes == []
+    assert "latent weights" in " ".join(what_is_trusted(warm.config()))
+    assert differing(verified(warm, elsewhere=True)) == {}
+
+
+def test_a_float_run_that_begins_with_anothers_weights_agrees(train: Train) -> None:
+    first = folder_of(train(*RUNS["cvi"], *SMALL))
+    second = train(*RUNS["cvi"], *SMALL, "--init-from", str(first.run), runs_dir=first.path.parent)
+    assert differing(verified(folder_of(second))) == {}
+
+
+def test_without_the_other_run_its_digest_tells_what_was_begun_with(
+    warm: RunFolder, tmp_path: Path
+) -> None:
+    shutil.copytree(warm.path, tmp_path / warm.path.name)
+    alone = RunFolder(tmp_path / warm.path.name)
+    findings = verified(alone)
+    assert differing(findings) == {}
+    (note,) = findings["initial weights"].notes
+    assert "its policy is known by its SHA-256" in note
+
+    other_weights(alone, 0)
+    where = [d.where for d in differing(verified(alone))["initial weights"]]
+    assert where[0].startswith("SHA-256 of version 0, which is version 3 of run ")
+    assert where[1:] == ["version 0"]
+
+
+@pytest.mark.parametrize("change", ["altered", "cut", "gone", "another network"])
+def test_another_copy_of_what_was_begun_with_is_seen(
+    change: str, warm: RunFolder, tmp_path: Path
+) -> None:
+    shutil.copytree(warm.path, tmp_path / warm.path.name)
+    folder = RunFolder(tmp_path / warm.path.name)
+    copy = folder.path / "initial.safetensors"
+    data = copy.read_bytes()
+    if change == "altered":
+        copy.write_bytes(data[:-1] + bytes([data[-1] ^ 1]))
+    elif change == "cut":
+        copy.write_bytes(data[:-9])
+    elif change == "gone":
+        copy.unlink()
+    else:
+        copy.write_bytes(save({"network.latent": torch.zeros(3)}))
+    assert "initial weights" in differing(verified(folder))
+
+
 def test_a_run_made_elsewhere_agrees_within_rounding(bpn: RunFolder) -> None:
     findings = verified(bpn, elsewhere=True)
     assert differing(findings) == {}
@@ -88,7 +157,12 @@ def test_a_run_made_elsewhere_agrees_within_rounding(bpn: RunFolder) -> None:
 
 @pytest.mark.parametrize(
     "changes",
-    [{"learning_rate_final": 1.0}, {"learning_rate": 1e-3}, {"epochs": 8}, {"datasets": 9}],
+    [
+        {"lr_update_final_factor": 1.0},
+        {"learning_rate": 1e-3},
+        {"epochs": 8},
+        {"replay_iterations": 9},
+    ],
 )
 def test_within_rounding_another_training_is_told_from_this(
     bpn: RunFolder, changes: dict[str, float], monkeypatch: pytest.MonkeyPatch
@@ -120,7 +194,7 @@ def test_in_realtime_actions_are_those_that_were_applied(train: Train) -> None:
     """With a delay longer than the control period, so that every action answers an older frame."""
     run = train(
         "reaching", "--pacing", "realtime", "--action-delay-ms", "160", "--iterations", "1",
-        "--episodes", "2", "--epochs", "1", "--steps", "8", "--nodes", "16",
+        "--episodes", "2", "--epochs", "1", "--steps", "8", "--hidden-units", "16",
     )  # fmt: skip
     findings = verified(folder_of(run))
     assert differing(findings) == {}

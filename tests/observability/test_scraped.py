@@ -26,7 +26,7 @@ from bpn_shared.bus.requests import RefusedError, request
 FOLDER = Path(__file__).parents[2] / "deploy" / "prometheus"
 DEADLINE_S = 120.0
 DAY = timedelta(days=1)
-CONFIG = {"task": "reaching", "iterations": 50, "episodes": 4, "epochs": 1, "nodes": 8}
+CONFIG = {"task": "reaching", "iterations": 50, "episodes": 4, "epochs": 1, "hidden_units": 8}
 EXPECTED = {
     "BpnRunStalled": {"task": "reaching"},
     "BpnRunWithoutLearner": {"state": "lost"},

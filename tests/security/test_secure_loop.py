@@ -23,8 +23,8 @@ CONFIG = RunConfig.for_task(
     iterations=2,
     episodes=4,
     epochs=1,
-    nodes=8,
-    datasets=1,
+    hidden_units=8,
+    replay_iterations=1,
     robots=2,
     learners=2,
 )

@@ -89,7 +89,6 @@ def test_a_mistake_with_certificates_is_named(
     said = [r for r in caplog.records if "waiting for the Zenoh router" in r.message]
     assert len(said) == 1
     assert re.search(REASONS[mistake], said[0].message)
-    assert said[0].created - caplog.records[0].created < 2.0
     assert time.monotonic() - begin_s < 20
 
 

@@ -8,7 +8,14 @@ from collections.abc import Iterator
 
 from compose_project import Project, docker
 
-LONG = {"iterations": 5, "episodes": 40, "epochs": 1, "nodes": 24, "datasets": 2, "seed": 11}
+LONG = {
+    "iterations": 5,
+    "episodes": 40,
+    "epochs": 1,
+    "hidden_units": 24,
+    "replay_iterations": 2,
+    "seed": 11,
+}
 RUN_TIMEOUT_S = 420.0
 RECOVERY_TIMEOUT_S = 60.0
 GOES_ON = 20

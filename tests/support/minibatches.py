@@ -32,7 +32,9 @@ def float_network(spec: NetworkSpec, seed: int) -> FloatNetwork:
 
 def data(spec: NetworkSpec, seed: int) -> tuple[Tensor, Tensor, Tensor]:
     rng = np.random.default_rng(seed)
-    pixels = rng.integers(0, 256, (TRANSITIONS, 84, 84, spec.channels), np.uint8)
+    pixels = rng.integers(
+        0, 256, (TRANSITIONS, spec.image_px, spec.image_px, spec.channels), np.uint8
+    )
     actions = rng.integers(0, spec.actions, TRANSITIONS)
     y = rng.normal(size=TRANSITIONS).astype(np.float32)
     return torch.from_numpy(pixels), torch.from_numpy(actions), torch.from_numpy(y)

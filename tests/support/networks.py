@@ -7,7 +7,7 @@ from bpn_shared.bnn import golden
 from bpn_shared.bnn.blob import WeightBlob
 from bpn_shared.spec.network import NetworkSpec
 
-SPECS = geometries([1, 2, 3, 6, 16], nodes=70, actions=20)
+SPECS = geometries([1, 2, 3, 6, 16], hidden_units=70, actions=20)
 
 
 def awkward_blob(spec: NetworkSpec, rng: np.random.Generator) -> WeightBlob:

@@ -16,7 +16,15 @@ from bpn_shared.spec.seeds import episode_seed
 from bpn_tasks.markers import HAND_LEVEL, TARGET_LEVEL
 
 CONFIG = RunConfig.for_task(
-    "reaching", seed=3, iterations=4, episodes=4, steps=2, epochs=1, batch=2, nodes=1, datasets=2
+    "reaching",
+    seed=3,
+    iterations=4,
+    episodes=4,
+    steps=2,
+    epochs=1,
+    batch_size=2,
+    hidden_units=1,
+    replay_iterations=2,
 )
 TASK = CONFIG.task_spec
 

@@ -21,7 +21,6 @@ from bpn_shared.bus.liveliness import TokenWatch
 from bpn_shared.bus.requests import request
 from bpn_shared.bus.session import Bus
 from bpn_shared.runs.folder import RunFolder
-from bpn_shared.spec.config import RunConfig
 
 LONG_S = 200.0
 
@@ -75,12 +74,9 @@ class Pool:
 def running_pool(
     runs_dir: Path,
     *options: str,
-    first_run: bool = False,
     environment: Mapping[str, str] | None = None,
 ) -> Iterator[Pool]:
     """`bpn up` with some options; stopped with Ctrl-C at the end."""
-    if not first_run:  # a folder that has a run gets none
-        RunFolder.create(runs_dir, UUID(int=1), RunConfig.for_task("reaching")).set_state("stopped")
     process = subprocess.Popen(
         [sys.executable, "-m", "bpn", "up", "--port", "0", "--runs-dir", str(runs_dir), *options],
         stdout=subprocess.PIPE,

@@ -10,11 +10,11 @@ SEEDS, ITERATIONS = 3, 12
 
 
 def record(
-    algorithm: str, nodes: int, seed: int, *, alpha: float = 0.95, lost: int = 0
+    algorithm: str, hidden_units: int, seed: int, *, alpha: float = 0.95, lost: int = 0
 ) -> dict[str, Any]:
     return {
-        "run_id": f"{algorithm}-{nodes}-{seed}", "task": "tracking", "algorithm": algorithm,
-        "nodes": nodes, "alpha": alpha, "seed": seed, "steps": 40, "episodes": 10, "frame_skip": 1,
+        "run_id": f"{algorithm}-{hidden_units}-{seed}", "task": "tracking", "algorithm": algorithm,
+        "hidden_units": hidden_units, "alpha": alpha, "seed": seed, "steps": 40, "episodes": 10, "frame_skip": 1,
         "returns_px": [-800.0 + 10 * seed - i for i in range(ITERATIONS)],
         "lengths": [40.0 - lost] * ITERATIONS, "failures": [lost] * ITERATIONS,
         "seconds": 60.0, "weights_sha256": "00",
@@ -32,9 +32,15 @@ def trials(**names: Any) -> dict[str, Any]:
 
 def learning() -> tuple[list[dict[str, Any]], dict[str, Any]]:
     runs = [
-        record(algorithm, nodes, seed, lost=2 if algorithm == "bqn" else 0)
+        record(algorithm, hidden_units, seed, lost=2 if algorithm == "bqn" else 0)
         for seed in range(SEEDS)
-        for algorithm, nodes in [("bpn", 32), ("bpn", 100), ("bqn", 32), ("bqn", 100), ("cvi", 100)]
+        for algorithm, hidden_units in [
+            ("bpn", 32),
+            ("bpn", 100),
+            ("bqn", 32),
+            ("bqn", 100),
+            ("cvi", 100),
+        ]
     ]
     lines = [{"name": "optimum", "return_px": -770.0, "length": 40, "full_length_share": 1.0}]
     return runs, {"references": lines}

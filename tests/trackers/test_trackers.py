@@ -186,7 +186,7 @@ def test_a_place_of_mlflow_that_is_none_is_said_before_the_training(
 def train(place: Path, *options: str, **variables: str) -> "subprocess.CompletedProcess[str]":
     return subprocess.run(
         [sys.executable, "-m", "bpn", "train", "reaching", "--iterations", "2", "--episodes", "1",
-         "--epochs", "1", "--nodes", "16", "--json", "--runs-dir", str(place / "runs"), *options],
+         "--epochs", "1", "--hidden-units", "16", "--json", "--runs-dir", str(place / "runs"), *options],
         env=os.environ | {"HOME": str(place)} | variables,
         capture_output=True, text=True, timeout=200, check=False,
     )  # fmt: skip

@@ -26,7 +26,9 @@ from bpn_shared.bnn import golden
 from bpn_shared.bnn.blob import WeightBlob
 from bpn_shared.spec.network import NetworkSpec
 
-SPEC = NetworkSpec(channels=6, nodes=100, actions=17)  # the pan-tilt task of the paper's section VI
+SPEC = NetworkSpec(
+    channels=6, hidden_units=100, actions=17
+)  # the pan-tilt task of the paper's section VI
 ROUNDS = 15
 EXACTNESS_CHECKS = 20
 TARGET_SPEEDUP = 5.0

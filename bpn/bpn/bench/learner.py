@@ -22,17 +22,17 @@ from bpn.bench.peers import stable_baselines3_updates
 from bpn_learner.minibatch import available_paths
 from bpn_learner.networks import make_network
 from bpn_learner.transitions import EpisodeData, Transitions
-from bpn_learner.update import PolicyUpdate, make_optimizer, policy_update
+from bpn_learner.update import UpdateConfig, make_optimizer, policy_update
 from bpn_shared.spec.algorithms import NetworkKind
-from bpn_shared.spec.config import Engine
 from bpn_shared.spec.network import NetworkSpec
+from bpn_shared.spec.sections import Backend
 
-SPEC = NetworkSpec(channels=6, nodes=100, actions=7)  # tracking, section V
+SPEC = NetworkSpec(channels=6, hidden_units=100, actions=7)  # tracking, section V
 EPISODES, STEPS, FRAMES_STACKED = 30, 40, 2  # D = U E T transitions
 BATCH = 32
 ROUNDS = 7
 TARGETS = {"over_plain": 3.0, "over_stable_baselines3": 1.0}
-_EPOCHS: dict[Engine, int] = {"fast": 5, "plain": 3}
+_EPOCHS: dict[Backend, int] = {"native": 5, "torch": 3}
 _PEER_UPDATES = 80
 _PEER = "stable-baselines3 DQN"
 
@@ -54,10 +54,10 @@ def run(rounds: int = ROUNDS) -> dict[str, Any]:
     with one_core():
         D = _transitions()
         candidates: dict[str, Rate] = {
-            "bpn fast": _ours("binary", "fast", D),
-            "bpn plain": _ours("binary", "plain", D),
-            "bpn fast, float network": _ours("float", "fast", D),
-            "bpn plain, float network": _ours("float", "plain", D),
+            "bpn fast": _ours("binary", "native", D),
+            "bpn plain": _ours("binary", "torch", D),
+            "bpn fast, float network": _ours("float", "native", D),
+            "bpn plain, float network": _ours("float", "torch", D),
             _PEER: _peer(),
         }
         measured = [{name: rate() for name, rate in candidates.items()} for _ in range(rounds)]
@@ -100,12 +100,12 @@ def _transitions() -> Transitions:
     return Transitions.from_episodes(episodes, frames_stacked=FRAMES_STACKED)
 
 
-def _ours(kind: NetworkKind, engine: Engine, D: Transitions) -> Rate:
+def _ours(kind: NetworkKind, backend: Backend, D: Transitions) -> Rate:
     """The epochs of `policy_update` but its first, which also warms up."""
     generator = torch.Generator().manual_seed(0)
     network = make_network(kind, SPEC, scale_initial=0.2, generator=generator)
     optimizer = make_optimizer(network, 1e-3)
-    settings = PolicyUpdate(epochs=_EPOCHS[engine], batch=BATCH, engine=engine)
+    settings = UpdateConfig(epochs=_EPOCHS[backend], batch_size=BATCH, backend=backend)
     rng = np.random.default_rng(0)
 
     def rate() -> float:

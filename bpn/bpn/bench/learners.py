@@ -20,11 +20,11 @@ from rich.table import Table
 
 from bpn.bench.learner import SPEC
 from bpn.bench.machine import machine
-from bpn_learner.group import ALONE, DistributedGroup, Group
+from bpn_learner.group import SINGLE_PROCESS, DistributedGroup, Group
 from bpn_learner.minibatch import available_paths
 from bpn_learner.networks import make_network
 from bpn_learner.rendezvous import connect, open_store
-from bpn_learner.update import PolicyUpdate, Regression, fit, make_optimizer
+from bpn_learner.update import RegressionBatch, UpdateConfig, fit, make_optimizer
 from bpn_shared.spec.config import RunConfig
 
 LEARNERS = 2
@@ -89,7 +89,7 @@ def _member(rank: int, learners: int, port: int, rounds: int, batches: Sequence[
     group = connect(store, _LOOPBACK, rank, _config(learners))
     for batch in batches:
         for _ in range(rounds):
-            group.add_up(torch.zeros(1))  # rank 0 has measured itself alone
+            group.all_reduce_sum(torch.zeros(1))  # rank 0 has measured itself alone
             _measured(group, batch)
     group.close()
 
@@ -98,8 +98,8 @@ def _measure(group: DistributedGroup, batch: int, rounds: int) -> dict[str, floa
     alone: list[_Measured] = []
     shared: list[_Measured] = []
     for _ in range(rounds):
-        alone.append(_measured(ALONE, batch))
-        group.add_up(torch.zeros(1))
+        alone.append(_measured(SINGLE_PROCESS, batch))
+        group.all_reduce_sum(torch.zeros(1))
         shared.append(_measured(group, batch))
     ratios = [a.update_s / s.update_s for s, a in zip(shared, alone, strict=True)]
     return {
@@ -127,7 +127,7 @@ def _measured(group: Group, batch: int) -> _Measured:
     frames = rng.integers(
         0, 256, (TRANSITIONS, SPEC.channels, *SPEC.observation_shape[1:]), np.uint8
     )
-    regression = Regression(
+    regression = RegressionBatch(
         frames=torch.from_numpy(frames),
         observations=torch.arange(TRANSITIONS)[:, None],
         actions=torch.from_numpy(rng.integers(0, SPEC.actions, TRANSITIONS)),
@@ -138,7 +138,7 @@ def _measured(group: Group, batch: int) -> _Measured:
         network,
         make_optimizer(network, 1e-3),
         regression,
-        PolicyUpdate(epochs=_EPOCHS, batch=batch),
+        UpdateConfig(epochs=_EPOCHS, batch_size=batch),
         rng,
         group=group,
         progress=lambda _done, _total: ends.append(_Measured(perf_counter(), process_time())),

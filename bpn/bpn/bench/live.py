@@ -185,7 +185,7 @@ def measure_deaf_client(
     """`STEPS`, with how sure it is, and `DEAF_FIGURES`."""
     endpoint = private_endpoint()
     # one endless iteration: between two, there would be pauses for learning
-    config = RunConfig.for_task("reaching", nodes=100, iterations=1, episodes=10_000)
+    config = RunConfig.for_task("reaching", hidden_units=100, iterations=1, episodes=10_000)
     folder = new_run(runs_dir, config)
     services = services_of_run(folder.run, config, runs_dir, endpoint)
     with serving(runs_dir, endpoint, services) as served, Bus(endpoint) as bus:

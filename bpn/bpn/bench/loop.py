@@ -111,8 +111,8 @@ def run(*, pace: str = "hot") -> dict[str, Any]:
 
 def _round(directory: Path, seed: int, pace: Pace) -> dict[str, Any]:
     config = RunConfig.for_task(
-        TASK, seed=seed, nodes=100, iterations=pace.iterations, episodes=pace.episodes,
-        epochs=1, datasets=1, pacing=pace.pacing,
+        TASK, seed=seed, hidden_units=100, iterations=pace.iterations, episodes=pace.episodes,
+        epochs=1, replay_iterations=1, pacing=pace.pacing,
     )  # fmt: skip
     folder = new_run(directory, config)
     endpoint = private_endpoint()

@@ -35,7 +35,7 @@ class FloatNetwork:
 
 
 def _is_convolution(layer: Layer) -> bool:
-    return layer.out_size > 1
+    return not layer.is_fully_connected
 
 
 def _missing(error: ImportError, extra: str) -> RuntimeError:
@@ -135,7 +135,7 @@ def stable_baselines3_updates(
         Environment(),
         buffer_size=transitions,
         batch_size=batch,
-        policy_kwargs={"features_extractor_class": Features, "net_arch": [spec.nodes]},
+        policy_kwargs={"features_extractor_class": Features, "net_arch": [spec.hidden_units]},
         device="cpu",
         seed=0,
     )

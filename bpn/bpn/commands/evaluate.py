@@ -20,7 +20,7 @@ from bpn.progress import bar
 from bpn.run import open_run
 from bpn_shared.runtime.gym_modules import add_gym_modules
 from bpn_shared.runtime.service import stop_on_signals
-from bpn_shared.spec.config import Pacing
+from bpn_shared.spec.sections import Pacing
 from bpn_shared.spec.tasks import TaskSpec
 
 _FILMS, _PLOTS = (".mp4", ".gif"), (".png", ".svg", ".pdf")

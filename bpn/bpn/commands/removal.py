@@ -55,10 +55,13 @@ def trash(options: argparse.Namespace, runs: Runs) -> int:
         print(json.dumps(items))
         return 0
     table = Table(box=None, header_style="bold", pad_edge=False)
-    for name in ("id", "name", "removed by", "kept until"):
-        table.add_column(name, no_wrap=name != "name")
+    for name in ("id", "name", "size", "removed by", "kept until"):
+        table.add_column(
+            name, no_wrap=name != "name", justify="right" if name == "size" else "left"
+        )
     for item in items:
-        table.add_row(item["id"][-_SHORT:], item["name"], item["removed_by"], _day(item))
+        row = item["id"][-_SHORT:], item["name"], _size(item), item["removed_by"], _day(item)
+        table.add_row(*row)
     Console().print(table)
     return 0
 
@@ -135,3 +138,8 @@ def _in_trash(there: Sequence[dict[str, Any]], text: str) -> str:
 
 def _day(item: dict[str, Any]) -> str:
     return time.strftime("%Y-%m-%d %H:%M", time.localtime(item["kept_until_unix_s"]))
+
+
+def _size(item: dict[str, Any]) -> str:
+    size_bytes = item["size_bytes"]
+    return "" if size_bytes is None else f"{size_bytes / 2**20:,.1f} MiB"

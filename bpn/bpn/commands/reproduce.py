@@ -12,10 +12,11 @@ from typing import Any
 from rich.console import Console
 
 from bpn import optional
+from bpn.options import refuse_old_name
 from bpn.outputs import check_runs_dir
 from bpn_shared.errors import InputError
 from bpn_shared.runtime.service import stop_on_signals
-from bpn_shared.spec.algorithms import ALGORITHMS
+from bpn_shared.spec.algorithms import algorithm_names
 
 _RESULTS = Path("docs/results")
 NAMES = (
@@ -37,13 +38,14 @@ def add_options(parser: argparse.ArgumentParser, _arguments: Sequence[str]) -> N
     parser.add_argument(
         "--algorithms",
         metavar="A,B",
-        help=f"some of the target's algorithms, of {','.join(ALGORITHMS)} (default all)",
+        help=f"some of the target's algorithms, of {','.join(algorithm_names())} (default all)",
     )
     parser.add_argument(
-        "--nodes",
+        "--hidden-units",
         metavar="N,N",
         help="some of the target's N, where it compares several (default all)",
     )
+    refuse_old_name(parser, "nodes")
     parser.add_argument(
         "--iterations", type=int, help="shorter or longer runs than the task's preset has them"
     )
@@ -84,7 +86,7 @@ def run(options: argparse.Namespace) -> int:
             options.target,
             seeds=options.seeds,
             algorithms=None if options.algorithms is None else options.algorithms.split(","),
-            nodes=None if options.nodes is None else _integers(options.nodes),
+            hidden_units=None if options.hidden_units is None else _integers(options.hidden_units),
             iterations=options.iterations,
             quick=options.quick,
             jobs=options.jobs,
@@ -98,10 +100,11 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _check_redraw(options: argparse.Namespace) -> None:
-    for name in ("seeds", "algorithms", "nodes", "iterations"):
+    for name in ("seeds", "algorithms", "hidden_units", "iterations"):
         if getattr(options, name) is not None:
+            option = name.replace("_", "-")
             raise InputError(
-                f"--redraw draws all that the results hold, so --{name} says nothing: leave it out"
+                f"--redraw draws all that the results hold, so --{option} says nothing: leave it out"
             )
 
 
@@ -109,13 +112,15 @@ def _integers(text: str) -> list[int]:
     try:
         return [int(word) for word in text.split(",")]
     except ValueError:
-        raise InputError(f"--nodes = {text!r} must be integers with commas between them") from None
+        raise InputError(
+            f"--hidden-units = {text!r} must be integers with commas between them"
+        ) from None
 
 
 def _command(options: argparse.Namespace) -> str:
     """What to type to get the same."""
     words = ["bpn", "reproduce", options.target]
-    for name in ("seeds", "jobs", "algorithms", "nodes", "iterations"):
+    for name in ("seeds", "jobs", "algorithms", "hidden_units", "iterations"):
         value = getattr(options, name)
-        words += [] if value is None else [f"--{name}", str(value)]
+        words += [] if value is None else [f"--{name.replace('_', '-')}", str(value)]
     return shlex.join([*words, *(["--quick"] if options.quick else [])])

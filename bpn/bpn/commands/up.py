@@ -22,7 +22,6 @@ from bpn_shared.errors import InputError
 from bpn_shared.runtime.gym_modules import add_gym_modules, allowed_modules
 from bpn_shared.runtime.service import stop_on_signals
 
-DEFAULT_TASK = "reaching"
 _MAX_PORT = 65535
 _CHECK_S = 0.05
 _LOOK_S = 0.5
@@ -42,6 +41,10 @@ def add_options(parser: argparse.ArgumentParser, _arguments: Sequence[str]) -> N
         "--certificates", type=Path, metavar="FOLDER",
         help="what `bpn-certificates` made there, for a router that other machines reach: "
         "--listen tls/0.0.0.0:7447",
+    )  # fmt: skip
+    parser.add_argument(
+        "--first-run", metavar="TASK", default="",
+        help="start a run of this task if there is no run yet (default: the page offers one)",
     )  # fmt: skip
     add_gym_modules(parser)
     add_runs_dir(parser)
@@ -75,7 +78,7 @@ def run(options: argparse.Namespace) -> int:
         size,
         options.runs_dir,
         options.listen or private_endpoint(),
-        ["--port", str(port)],
+        ["--port", str(port), "--first-run", options.first_run],
         certificates=options.certificates,
         gym_modules=allowed_modules(options.gym_modules),
     )
@@ -128,22 +131,23 @@ def _size(options: argparse.Namespace) -> PoolSize:
 
 
 def _supervise(supervisor: Supervisor, runs_dir: Path, stop: threading.Event) -> None:
-    """Keeps the services running; once the dashboard answers, gives it a first run."""
+    """Keeps the services running; once the dashboard answers, says how to begin where there is no run."""
     look_at_s: float | None = time.monotonic()
     while not (supervisor.failure or stop.wait(_CHECK_S)):
         supervisor.check()
         if look_at_s is not None and time.monotonic() >= look_at_s:
-            look_at_s = None if _has_first_run(runs_dir) else time.monotonic() + _LOOK_S
+            look_at_s = None if _offers_first_run(runs_dir) else time.monotonic() + _LOOK_S
 
 
-def _has_first_run(runs_dir: Path) -> bool:
-    """Whether there is a run, now at the latest; False while the dashboard does not answer."""
+def _offers_first_run(runs_dir: Path) -> bool:
+    """Says how to start a run if there is none; False while the dashboard does not answer."""
     dashboard = Dashboard.find(runs_dir)
     if dashboard is None:
         return False
     try:
         if dashboard.run_count() == 0:
-            dashboard.create_run({"task": DEFAULT_TASK}, name="first run")
+            start = command("bpn", "train", "reaching", "--runs-dir", runs_dir)
+            print(f"no runs yet: start one there, or with: {start}", flush=True)
     except DashboardAwayError:
         return False
     return True

@@ -12,7 +12,7 @@ from bpn.this_machine import ThisMachine
 from bpn_shared.errors import InputError
 from bpn_shared.messages.episode import Episode
 from bpn_shared.runtime.gym_modules import allowed_modules
-from bpn_shared.spec.config import Pacing
+from bpn_shared.spec.sections import Pacing
 
 
 @dataclass(frozen=True)

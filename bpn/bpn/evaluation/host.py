@@ -11,6 +11,7 @@ from bpn_shared.bus.weights import WeightsPublisher
 from bpn_shared.counters import Counters
 from bpn_shared.messages.control import Fault, NextEpisode
 from bpn_shared.messages.episode import Episode
+from bpn_shared.runs.config_file import encode_config
 from bpn_shared.spec.config import RunConfig
 
 __all__ = ["EVALUATION", "TrialHost"]
@@ -65,7 +66,7 @@ class TrialHost:
         return self._trials.episodes()
 
     def _tell_config(self, _body: bytes) -> bytes:
-        return self._config.model_dump_json().encode()
+        return encode_config(self._config)
 
     def _hand_out(self, body: bytes) -> bytes:
         return self._trials.next(NextEpisode.decode(body)).encode()

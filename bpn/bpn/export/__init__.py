@@ -1,1 +1,1 @@
-"""Runs and policies in the formats of others: ONNX, QONNX, C, tables, LeRobot datasets, films."""
+"""Runs and policies in the formats of others: ONNX, QONNX, C, tables, LeRobot replay_iterations, films."""

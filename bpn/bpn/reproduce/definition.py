@@ -28,7 +28,7 @@ class Scope:
     Attributes:
         seeds: runs of each configuration, with seeds 0, 1, ...
         algorithms: those to compare; a target leaves out what it has no use for.
-        nodes: N of binary networks, where a target compares several; None: all of the target's.
+        hidden_units: N of binary networks, where a target compares several; None: all of the target's.
         iterations: of every run; None: the preset's.
         quick: a tiny version through every part, whose numbers mean nothing.
     """
@@ -36,7 +36,7 @@ class Scope:
     seeds: int
     algorithms: Sequence[str]
     quick: bool = False
-    nodes: Sequence[int] | None = None
+    hidden_units: Sequence[int] | None = None
     iterations: int | None = None
 
     def sizes(self, offered: Sequence[int]) -> list[int]:
@@ -45,10 +45,16 @@ class Scope:
         Raises:
             ConfigError: the target does not have one of them.
         """
-        for nodes in self.nodes or ():
-            if nodes not in offered:
-                raise ConfigError(f"--nodes = {nodes} is none of {', '.join(map(str, offered))}")
-        return [nodes for nodes in offered if self.nodes is None or nodes in self.nodes]
+        for hidden_units in self.hidden_units or ():
+            if hidden_units not in offered:
+                raise ConfigError(
+                    f"--hidden-units = {hidden_units} is none of {', '.join(map(str, offered))}"
+                )
+        return [
+            hidden_units
+            for hidden_units in offered
+            if self.hidden_units is None or hidden_units in self.hidden_units
+        ]
 
     def config(self, task: str, **changes: Any) -> RunConfig:
         """The task's preset with these changes; in quick scope a run of seconds."""
@@ -65,7 +71,14 @@ class Scope:
         ]
 
 
-_QUICK = {"iterations": 2, "episodes": 2, "epochs": 1, "steps": 12, "datasets": 1, "nodes": 16}
+_QUICK = {
+    "iterations": 2,
+    "episodes": 2,
+    "epochs": 1,
+    "steps": 12,
+    "replay_iterations": 1,
+    "hidden_units": 16,
+}
 
 
 class Play(Protocol):

@@ -31,8 +31,8 @@ def plan(scope: Scope) -> list[RunConfig]:
     """One run for each cell, one seed after the other."""
     alphas, sizes = (_QUICK_ALPHAS, NODES[:1]) if scope.quick else (ALPHAS, scope.sizes(NODES))
     return [
-        scope.config("reaching", algorithm="bpn", seed=seed, nodes=nodes, alpha=alpha)
-        for seed, nodes, alpha in product(range(scope.seeds), sizes, alphas)
+        scope.config("reaching", algorithm="bpn", seed=seed, hidden_units=hidden_units, alpha=alpha)
+        for seed, hidden_units, alpha in product(range(scope.seeds), sizes, alphas)
     ]
 
 
@@ -49,11 +49,13 @@ def cells(document: Document) -> list[dict[str, Any]]:
     run's end returned.
     """
     found = []
-    for (nodes, alpha), seeds in group(document["runs"], "nodes", "alpha").items():
+    for (hidden_units, alpha), seeds in group(document["runs"], "hidden_units", "alpha").items():
         returns = curves(seeds, "returns_px")
         values = {"best_return_px": returns.max(axis=1), "last_return_px": at_end(returns)}
-        found.append({"nodes": nodes, "alpha": alpha, "seeds": count(seeds), **values})
-    return sorted(found, key=lambda cell: (cell["nodes"], cell["alpha"]))
+        found.append(
+            {"hidden_units": hidden_units, "alpha": alpha, "seeds": count(seeds), **values}
+        )
+    return sorted(found, key=lambda cell: (cell["hidden_units"], cell["alpha"]))
 
 
 def _panels(document: Document) -> dict[str, str]:
@@ -78,15 +80,15 @@ def draw(document: Document) -> Figure:
 
 
 def _map(axes: Axes, found: list[dict[str, Any]], name: str) -> None:
-    sizes = sorted({cell["nodes"] for cell in found})
+    sizes = sorted({cell["hidden_units"] for cell in found})
     alphas = sorted({cell["alpha"] for cell in found})
     values: npt.NDArray[np.float64] = np.full((len(alphas), len(sizes)), np.nan)
     for cell in found:
-        values[alphas.index(cell["alpha"]), sizes.index(cell["nodes"])] = cell[name].mean()
+        values[alphas.index(cell["alpha"]), sizes.index(cell["hidden_units"])] = cell[name].mean()
     image = axes.imshow(values, cmap="cividis", origin="lower", aspect="auto")
     middle = np.mean(image.get_clim())
     for cell in found:
-        x, y = sizes.index(cell["nodes"]), alphas.index(cell["alpha"])
+        x, y = sizes.index(cell["hidden_units"]), alphas.index(cell["alpha"])
         ink = "black" if values[y, x] > middle else "white"
         text = mean_and_range(cell[name], _FORM).replace(" (", "\n(", 1)
         axes.text(x, y, text, ha="center", va="center", color=ink, fontsize=7)
@@ -102,7 +104,7 @@ def table(document: Document) -> str:
     panels = _panels(document)
     rows = [
         [
-            cell["nodes"],
+            cell["hidden_units"],
             f"{cell['alpha']:g}",
             cell["seeds"],
             *(mean_and_range(cell[name], _FORM) for name in panels),

@@ -46,7 +46,9 @@ def plan(task: str, scope: Scope) -> list[RunConfig]:
         for algorithm in scope.algorithms:
             if algorithm in BINARY and not scope.quick:
                 offered = scope.sizes(tuple(NODES.values()))
-                sizes: list[dict[str, Any]] = [{"nodes": nodes} for nodes in offered]
+                sizes: list[dict[str, Any]] = [
+                    {"hidden_units": hidden_units} for hidden_units in offered
+                ]
             else:
                 sizes = [{}]
             runs += [scope.config(task, algorithm=algorithm, seed=seed, **size) for size in sizes]
@@ -90,14 +92,16 @@ def draw(document: Document) -> Figure:
     The return of such an episode says little by itself: nothing is paid for the steps that are missing.
     """
     runs = [_curves_of(run) for run in document["runs"]]
-    sizes = sorted({run["nodes"] for run in runs if run["algorithm"] in BINARY}) or [0]
+    sizes = sorted({run["hidden_units"] for run in runs if run["algorithm"] in BINARY}) or [0]
     rows = {"shares": "share of full-length episodes", "px_per_step": "return of a step (px)"}
     rows = (rows if _ends_early(runs) else {}) | {"returns_px": "return of an episode (px)"}
     width_in = max(5.7, 1.2 + 2.9 * len(sizes))
     figure, axes = new_figure(len(rows), len(sizes), width_in, 1.2 + 2.6 * len(rows))
-    for column, nodes in enumerate(sizes):
-        shown = [run for run in runs if run["algorithm"] in FLOAT or run["nodes"] == nodes]
-        axes[0][column].set_title(f"N = {nodes}")
+    for column, hidden_units in enumerate(sizes):
+        shown = [
+            run for run in runs if run["algorithm"] in FLOAT or run["hidden_units"] == hidden_units
+        ]
+        axes[0][column].set_title(f"N = {hidden_units}")
         for one, name in zip((row[column] for row in axes), rows, strict=True):
             for (algorithm,), seeds in group(shown, "algorithm").items():
                 index = (*BINARY, *FLOAT).index(algorithm)
@@ -140,19 +144,19 @@ def _references(axes: Axes, name: str, lines: list[dict[str, Any]]) -> None:
 
 def table(document: Document) -> str:
     """What each algorithm returned over its last iterations, beside the references."""
-    groups = group(document["runs"], "algorithm", "nodes")
+    groups = group(document["runs"], "algorithm", "hidden_units")
     best = max(
         (_last_returns(seeds).mean() for (name, _), seeds in groups.items() if name == "cvi"),
         default=None,
     )
     best_iterations = not _ends_early(document["runs"])  # an early loss would be the best
     rows = []
-    for (algorithm, nodes), seeds in groups.items():
+    for (algorithm, hidden_units), seeds in groups.items():
         returns = _last_returns(seeds)
         shares = [100 * float(np.mean(full_length_shares(run)[-LAST:])) for run in seeds]
         rows.append(
             [
-                _TITLES[algorithm], nodes, count(seeds), mean_and_range(returns), f"{iqm(returns):.1f}",
+                _TITLES[algorithm], hidden_units, count(seeds), mean_and_range(returns), f"{iqm(returns):.1f}",
                 mean_and_range(of_seeds(seeds, shares)),
                 f"{at_end(curves(seeds, 'lengths')).mean():.1f}",
                 "" if best is None else f"{shortfall_percent(returns.mean(), best):+.1f} %",

@@ -24,7 +24,7 @@ def make(
     *,
     seeds: int | None,
     algorithms: Sequence[str] | None,
-    nodes: Sequence[int] | None,
+    hidden_units: Sequence[int] | None,
     iterations: int | None,
     quick: bool,
     jobs: int,
@@ -49,7 +49,7 @@ def make(
         algorithms=_chosen(target, algorithms),
         iterations=iterations,
         quick=quick,
-        nodes=nodes,
+        hidden_units=hidden_units,
     )
     configs = target.plan(scope)
     say = partial(out.print, highlight=False, soft_wrap=True)

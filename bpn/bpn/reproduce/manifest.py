@@ -4,7 +4,7 @@ import fcntl
 import hashlib
 import json
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +12,8 @@ from bpn.local_run import new_run
 from bpn_shared.runs.files import write_atomically
 from bpn_shared.runs.folder import RunFolder
 from bpn_shared.spec.config import OPTIONS, ConfigError, RunConfig
+
+_SCHEMA = 2
 
 
 def config_hash(config: RunConfig) -> str:
@@ -39,11 +41,15 @@ class Manifest:
         self._runs: dict[str, str] = {}
         if self._path.exists():
             try:
-                self._runs = dict(json.loads(self._path.read_bytes()))
-            except ValueError as error:
+                found = dict(json.loads(self._path.read_bytes()))
+                runs = found if "schema" not in found else found["runs"]
+                self._runs = {str(name): str(run) for name, run in runs.items()}
+            except (ValueError, KeyError, AttributeError) as error:
                 raise ConfigError(
                     f"{self._path}: {error}; remove it to make its runs anew"
                 ) from error
+            if "schema" not in found:
+                self._runs = dict(self._named_anew())
 
     def folder(self, config: RunConfig) -> RunFolder:
         """The run with this configuration, made if there is none."""
@@ -53,8 +59,15 @@ class Manifest:
             return known
         folder = new_run(self._runs_dir, config)
         self._runs[name] = str(folder.run)
-        write_atomically(self._path, json.dumps(self._runs, indent=1).encode())
+        document = {"schema": _SCHEMA, "runs": self._runs}
+        write_atomically(self._path, json.dumps(document, indent=1).encode())
         return folder
+
+    def _named_anew(self) -> Iterator[tuple[str, str]]:
+        """The runs of a manifest of schema 1, whose names were of values that are called otherwise today."""
+        for run in self._runs.values():
+            with suppress(ConfigError, OSError):  # which somebody removed, or damaged
+                yield config_hash(RunFolder(self._runs_dir / run).config()), run
 
     def _known(self, name: str, config: RunConfig) -> RunFolder | None:
         if name not in self._runs:

@@ -12,7 +12,7 @@ def run_record(folder: RunFolder) -> dict[str, Any]:
     """The run's results, from its metrics.
 
     Returns:
-        run_id, task, algorithm, nodes, alpha, seed, steps (T), episodes (E an iteration) and frame_skip
+        run_id, task, algorithm, hidden_units, alpha, seed, steps (T), episodes (E an iteration) and frame_skip
         (environment steps of an action, in gym: tasks); per iteration returns_px (of a gym: task returns, in its
         own unit), lengths (means over its episodes) and failures (episodes that ended before T); seconds;
         weights_sha256 of the last policy.
@@ -23,7 +23,7 @@ def run_record(folder: RunFolder) -> dict[str, Any]:
         "run_id": str(folder.run),
         "task": config.task,
         "algorithm": config.algorithm,
-        "nodes": config.nodes,
+        "hidden_units": config.hidden_units,
         "alpha": config.alpha,
         "seed": config.seed,
         "steps": config.steps,
@@ -47,7 +47,7 @@ def headline(folder: RunFolder) -> str:
     last = len(returns)
     share = np.mean(full_length_shares(record)[-last:])
     return (
-        f"{record['algorithm']}  N {record['nodes']}  alpha {record['alpha']:g}  seed {record['seed']}"
+        f"{record['algorithm']}  N {record['hidden_units']}  alpha {record['alpha']:g}  seed {record['seed']}"
         f"  return {np.mean(returns):8.1f}{task.return_unit}  full length {share:4.0%}"
         f"  (last {last} iterations)  {record['seconds']:.0f} s"
     )

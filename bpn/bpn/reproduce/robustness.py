@@ -116,8 +116,8 @@ def table(document: Document) -> str:
     ]  # fmt: skip
     return (
         f"{markdown_table(heading, rows)}\n\nGreedy play from {trials[0]['trials']} starts for each seed. "
-        f"Disturbed: trained with `--disturb {document['result']['trained_for']}`, of which each episode draws its "
-        "own."
+        f"Disturbed: trained with `--disturb {document['result']['trained_for']}`, of which each episode draws "
+        "its own."
     )
 
 

@@ -25,7 +25,9 @@ def check_task(spec: TaskSpec, *, steps: int = 30, seed: int = 0, repeatable: bo
 
     Args:
         spec: what the entry point's function returns.
-        steps, seed, repeatable: as of `check_robot`.
+        steps: see `check_robot`.
+        seed: see `check_robot`.
+        repeatable: see `check_robot`.
 
     Raises:
         AssertionError: something is missing, broken, or does not agree; the message is one sentence.

@@ -19,11 +19,11 @@ from bpn_shared.spec.config import RunConfig
 _NEAR = 1e-5
 """Relative distance of float weights that are the same but for rounding."""
 _OF_TARGETS = (
-    "alpha", "beta", "gamma", "mask_terminals", "relative_targets", "reward_scale",
+    "alpha", "beta", "gamma", "bootstrap_terminals", "relative_targets", "reward_scale",
 )  # fmt: skip
-_OF_TRAINING = ("epochs", "batch", "learning_rate")
+_OF_TRAINING = ("epochs", "batch_size", "learning_rate")
 
-Engine = Callable[[Trainee, Targets], Gradients]
+Backend = Callable[[Trainee, Targets], Gradients]
 
 
 def of_targets(update: Update, fits: Callable[[Targets], bool]) -> str:
@@ -42,8 +42,8 @@ def of_weights(update: Update, before: Trainee) -> str:
     """
     config, seed = update.config, update.config.seed
     tried = partial(_fits, update)
-    flat, level = {"learning_rate_final": 1.0}, {"learning_rate_last": 1.0}
-    other_engine = autograd if config.engine == "fast" else compiled
+    flat, level = {"lr_update_final_factor": 1.0}, {"lr_run_final_factor": 1.0}
+    other_backend = autograd if config.backend == "native" else compiled
     slips: dict[str, Callable[[], bool]] = {
         "without annealing within the update": lambda: tried(_Slip(before, _with(config, **flat))),
         "without annealing over the run": lambda: tried(_Slip(before, _with(config, **level))),
@@ -56,16 +56,16 @@ def of_weights(update: Update, before: Trainee) -> str:
             _Slip(before, config, shuffles=draws.shuffles(0, update.iteration))
         ),
         "with Adam begun anew": lambda: tried(_Slip(_begun_anew(before), config)),
-        "by the other engine": lambda: tried(_Slip(before, config, engine=other_engine)),
+        "by the other backend": lambda: tried(_Slip(before, config, backend=other_backend)),
     }
     for name, other in _defaults_instead(config, (*_OF_TARGETS, *_OF_TRAINING)):
         slips[f"with {name}"] = partial(tried, _Slip(before, other))
     return next((f"it is an update {name}" for name, slip in slips.items() if slip()), "")
 
 
-def engine_of(config: RunConfig) -> Engine:
+def backend_of(config: RunConfig) -> Backend:
     """What computes the run's gradients."""
-    return compiled if config.engine == "fast" and config.device == "cpu" else autograd
+    return compiled if config.backend == "native" and config.device == "cpu" else autograd
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,7 +75,7 @@ class _Slip:
     start: Trainee
     config: RunConfig
     shuffles: np.random.Generator | None = None
-    engine: Engine | None = None
+    backend: Backend | None = None
     clips: bool = True
 
 
@@ -86,9 +86,9 @@ def _fits(update: Update, slip: _Slip) -> bool:
     train(
         trainee,
         data,
-        (slip.engine or engine_of(slip.config))(trainee, data),
+        (slip.backend or backend_of(slip.config))(trainee, data),
         factors=learning_rate_factors(slip.config, update.iteration, len(data.y)),
-        batch=slip.config.batch,
+        batch_size=slip.config.batch_size,
         shuffles=slip.shuffles or draws.shuffles(slip.config.seed, update.iteration),
     )
     own = released(trainee, data.seen)

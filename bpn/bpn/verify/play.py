@@ -14,15 +14,14 @@ from torch.nn import functional
 from bpn_shared.bnn.blob import WeightBlob
 from bpn_shared.bnn.float_weights import FloatWeights
 from bpn_shared.bnn.weights import Weights
+from bpn_shared.spec.network import NetworkSpec
 
-STRIDES = (4, 2, 1, 1, 1)
-KERNELS = (8, 4, 3, 7, 1)
 _PART = 256
 _ROUNDING = 1e-9
 
 
 def observations(frames: Tensor, stacked: int, *, difference: bool = False) -> Tensor:
-    """Every s_t of an episode: uint8[T+1, c, 84, 84] to uint8[T+1, stacked * c, 84, 84], oldest frame first.
+    """Every s_t of an episode: uint8[T+1, c, h, w] to uint8[T+1, stacked * c, h, w], oldest frame first.
 
     At an episode's start the first frame stands in for those before it. With `difference`, all but the newest are
     replaced by twice what the newest is brighter, around 128.
@@ -40,9 +39,8 @@ def observations(frames: Tensor, stacked: int, *, difference: bool = False) -> T
     return torch.cat(seen, dim=1)
 
 
-def as_kernels(rows: Tensor, layer: int) -> Tensor:
-    """Weights [out, (row, column, channel)] as torch's [out, channel, row, column]."""
-    size = KERNELS[layer]
+def as_kernels(rows: Tensor, size: int) -> Tensor:
+    """Weights [out, (row, column, channel)] as torch's [out, channel, row, column], kernels of that size."""
     return rows.view(len(rows), size, size, -1).permute(0, 3, 1, 2)
 
 
@@ -52,15 +50,18 @@ class Policy:
 
     Attributes:
         rows: per layer [out, fan_in], float32; of a binarized network -1 and 1.
-        thresholds: of layers 1-4, int32[out]; none of a float network.
-        biases: of layers 1-5, float32[out]; none of a binarized one.
+        thresholds: of all layers but the last, int32[out]; none of a float network.
+        biases: of every layer, float32[out]; none of a binarized one.
         scale: lambda; 1 of a float network.
+        kernels, strides: of each layer; a fully connected one's kernel covers its input.
     """
 
     rows: tuple[Tensor, ...]
     thresholds: tuple[Tensor, ...]
     biases: tuple[Tensor, ...]
     scale: float
+    kernels: tuple[int, ...]
+    strides: tuple[int, ...]
 
     @property
     def binary(self) -> bool:
@@ -71,15 +72,16 @@ class Policy:
         """What each layer sums up: float32[n, out, h, w], of a binarized network integers.
 
         Args:
-            seen: uint8[n, C, 84, 84].
+            seen: uint8[n, C, h, w].
         """
         sums: list[Tensor] = []
         x = seen.float()
         for layer, rows in enumerate(self.rows):
             bias = None if self.binary else self.biases[layer]
-            s = functional.conv2d(x, as_kernels(rows, layer), bias, stride=STRIDES[layer])
+            kernels = as_kernels(rows, self.kernels[layer])
+            s = functional.conv2d(x, kernels, bias, stride=self.strides[layer])
             sums.append(s.round() if self.binary else s)
-            if self.binary and layer < 4:
+            if self.binary and layer < len(self.thresholds):
                 x = torch.where(sums[-1] >= self.thresholds[layer][:, None, None], 1.0, -1.0)
             else:
                 x = s.relu()
@@ -95,12 +97,21 @@ class Policy:
         return torch.tensor(self.scale, dtype=torch.float32) * self.outputs(seen)
 
 
+def sizes(spec: NetworkSpec) -> tuple[tuple[int, ...], tuple[int, ...]]:
+    """Kernels and strides of a network's layers."""
+    fully_connected = spec.image_px
+    for kernel, stride, _ in spec.convolutions:
+        fully_connected = (fully_connected - kernel) // stride + 1
+    kernels = (*(kernel for kernel, _, _ in spec.convolutions), fully_connected, 1)
+    return kernels, (*(stride for _, stride, _ in spec.convolutions), 1, 1)
+
+
 def unpacked(weights: Weights) -> Policy:
     """A blob's or a float policy's parts."""
     if isinstance(weights, WeightBlob):
         rows = tuple(torch.from_numpy(signs).float() for signs in weights.weights)
         thresholds = tuple(torch.from_numpy(tau) for tau in weights.thresholds)
-        return Policy(rows, thresholds, (), weights.scale)
+        return Policy(rows, thresholds, (), weights.scale, *sizes(weights.spec))
     return _of_model(weights)
 
 
@@ -110,14 +121,15 @@ def _of_model(weights: FloatWeights) -> Policy:
         c.name: torch.from_numpy(numpy_helper.to_array(c).copy()) for c in graph.initializer
     }
     layers = [node for node in graph.node if node.op_type in ("Conv", "Gemm")]
+    kernel_sizes, strides = sizes(weights.spec)
     rows = []
-    for layer, node in enumerate(layers):
+    for size, node in zip(kernel_sizes, layers, strict=True):
         kernels = constants[node.input[1]]
         if node.op_type == "Gemm":  # of a flattened [channel, row, column]
-            kernels = kernels.view(len(kernels), -1, KERNELS[layer], KERNELS[layer])
+            kernels = kernels.view(len(kernels), -1, size, size)
         rows.append(kernels.permute(0, 2, 3, 1).flatten(1))
     biases = tuple(constants[node.input[2]] for node in layers)
-    return Policy(tuple(rows), (), biases, 1.0)
+    return Policy(tuple(rows), (), biases, 1.0, kernel_sizes, strides)
 
 
 def softmax_choice(P: npt.NDArray[np.float64], beta: float, uniform: float) -> set[int]:

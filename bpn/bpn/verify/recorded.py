@@ -15,6 +15,7 @@ from bpn.verify.targets import Played
 from bpn_shared.messages.base import MessageError
 from bpn_shared.messages.episode import Episode
 from bpn_shared.runs.folder import RunFolder
+from bpn_shared.spec.algorithms import EPSILON_GREEDY, SOFTMAX
 from bpn_shared.spec.config import RunConfig
 
 FLOAT_TOLERANCE = 1e-4
@@ -56,14 +57,14 @@ class Recording:
     def choice(self, step: int, uniform: float) -> set[int]:
         """What the run's policy does on the outputs that the edge recorded."""
         P = self.episode.outputs[step].astype(np.float64) * self.policy.scale
-        if self.config.algorithm_spec.update == "cvi":
+        if self.config.policy == SOFTMAX:
             return softmax_choice(P, self.config.beta, uniform)
         return greedy_choice(P, epsilon(self.config, self.iteration), uniform)
 
 
 def epsilon(config: RunConfig, iteration: int) -> float:
     """Share of random actions: falls on a line over the first half of the run; 0 of a softmax policy."""
-    if config.algorithm_spec.update == "cvi":
+    if not config.algorithm_spec.explores:
         return 0.0
     progress = min(1.0, iteration / (config.iterations / 2))
     return config.epsilon_initial + progress * (config.epsilon_final - config.epsilon_initial)
@@ -135,6 +136,11 @@ def check_outputs(recording: Recording, observed: Tensor, findings: Findings) ->
 def check_actions(recording: Recording, findings: Findings) -> None:
     """The action of every step; where none came in time (realtime pacing), the hold action."""
     episode, config = recording.episode, recording.config
+    if config.policy not in (SOFTMAX, EPSILON_GREEDY):
+        findings["actions"].note(
+            f"the action selection {config.policy!r} is no part of this program"
+        )
+        return
     uniforms = draws.step_uniforms(episode.meta.seed, episode.steps)
     answers = [recording.choice(step, number) for step, number in enumerate(uniforms)]
     choices = [

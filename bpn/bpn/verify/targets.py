@@ -9,6 +9,9 @@ from torch import Tensor
 from bpn.verify.play import Policy
 from bpn_shared.spec.config import RunConfig
 
+COMPUTED = ("cvi", "dqn")
+"""The targets that are computed here; of others, which are somebody's own, only what they leave is looked at."""
+
 
 @dataclass(frozen=True, eq=False)
 class Played:
@@ -52,8 +55,7 @@ def targets(config: RunConfig, D: Sequence[Played], policy: Policy, offset: floa
     """Of all of D under the policy that the update begins with.
 
     CVI: y = r + gamma m(s') + alpha (P(s, a) - m(s)) with mellowmax m; DQN: y = r + gamma max_a P(s', a).
-    With `n_step` more steps are added up, each less what CVI's equation corrects it by (docs/algorithms).
-    With `mask_terminals` what follows a terminal state is worth 0, which is -c beside preferences that lack c.
+    Without `bootstrap_terminals` what follows a terminal state is worth 0: -c beside preferences that lack c.
 
     Args:
         offset: c of the policy's preferences.
@@ -63,10 +65,10 @@ def targets(config: RunConfig, D: Sequence[Played], policy: Policy, offset: floa
     actions = torch.cat([episode.actions for episode in D])
     reward = torch.cat([(config.reward_scale * episode.rewards).float() for episode in D])
     ends = torch.cat([_ends(episode) for episode in D])
-    is_cvi = config.algorithm_spec.update == "cvi"
+    is_cvi = config.algorithm_spec.targets == "cvi"
 
     following = mellowmax(P_next, config.beta) if is_cvi else P_next.amax(dim=1)
-    if config.mask_terminals:
+    if not config.bootstrap_terminals:
         following = torch.where(ends, torch.tensor(-offset, dtype=torch.float32), following)
     gap = P[torch.arange(len(P)), actions] - mellowmax(P, config.beta)
     increased = config.alpha * (gap.clamp_min(-config.gap_floor) if config.gap_floor else gap)
@@ -74,7 +76,7 @@ def targets(config: RunConfig, D: Sequence[Played], policy: Policy, offset: floa
         y = reward + config.gamma * following
     else:
         value = offset
-        if config.relative_targets and not config.mask_terminals:
+        if config.relative_targets and config.bootstrap_terminals:
             value = float(reward.mean()) / (1 - config.gamma)
         lengths = [len(episode.actions) for episode in D]
         later = reward - (gap - increased) if is_cvi else reward

@@ -6,7 +6,7 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-from bpn.verify.play import KERNELS, STRIDES, Policy, as_kernels
+from bpn.verify.play import Policy, as_kernels, sizes
 from bpn_shared.spec.config import RunConfig
 
 INITIAL_LATENT = 0.1
@@ -41,8 +41,8 @@ class Trainee:
 
     Attributes:
         weights: float32[all weights]; of a binarized network the latent ones, in [-1, 1].
-        gamma, beta: of batch norm, float32[channels of layers 1-4] (binarized; else empty).
-        biases: float32[channels of layers 1-5] (float; else empty).
+        gamma, beta: of batch norm, float32[channels of all layers but the last] (binarized; else empty).
+        biases: float32[channels of all layers] (float; else empty).
         log_scale: log lambda, float32[] (binarized).
 
     Args:
@@ -55,6 +55,7 @@ class Trainee:
         layers = self.spec.layers
         self.sizes = [layer.out_channels * layer.fan_in for layer in layers]
         self.channels = [layer.out_channels for layer in layers]
+        self.shape = sizes(self.spec)
         generator = torch.Generator().manual_seed(seed)
 
         def uniform(sizes: list[int]) -> Tensor:
@@ -95,21 +96,29 @@ class Trainee:
         return shaped if self.binary else [shaped[0] / LARGEST_PIXEL, *shaped[1:]]
 
     def forward(self, seen: Tensor) -> Tensor:
-        """P of a minibatch uint8[B, 84, 84, C] with its own batch statistics: [B, |A|]."""
+        """P of a minibatch uint8[B, h, w, C] with its own batch statistics: [B, |A|]."""
         x = seen.to(self.weights.dtype).permute(0, 3, 1, 2)
         if not self.binary:
             for layer, (rows, bias) in enumerate(
                 zip(self.rows(), torch.split(self.biases, self.channels), strict=True)
             ):
-                x = summed(rows, layer, x if layer == 0 else x.relu(), bias)
+                x = self.summed(rows, layer, x if layer == 0 else x.relu(), bias)
             return x.flatten(1)
         *hidden, last = self.rows()
         norms = zip(
             *(torch.split(v, self.channels[:-1]) for v in (self.gamma, self.beta)), strict=True
         )
         for layer, (rows, (gamma, beta)) in enumerate(zip(hidden, norms, strict=True)):
-            x = binarized(normalized(summed(rows, layer, x), gamma, beta))
-        return self.log_scale.exp() * summed(last, 4, x).flatten(1)
+            x = binarized(normalized(self.summed(rows, layer, x), gamma, beta))
+        return self.log_scale.exp() * self.summed(last, len(hidden), x).flatten(1)
+
+    def summed(self, rows: Tensor, layer: int, x: Tensor, bias: Tensor | None = None) -> Tensor:
+        """A layer's weighted sums of [B, in, h, w]."""
+        kernel, stride = (of[layer] for of in self.shape)
+        if kernel == x.shape[-1]:  # it covers all of its input
+            flat = x.permute(0, 2, 3, 1).flatten(1)
+            return functional.linear(flat, rows, bias)[:, :, None, None]
+        return functional.conv2d(x, as_kernels(rows, kernel), bias, stride=stride)
 
     def double(self) -> Self:
         """Turns the parameters into float64, for gradients to compare with; it trains no more."""
@@ -139,14 +148,6 @@ def normalized(sums: Tensor, gamma: Tensor, beta: Tensor) -> Tensor:
     return (sums - mean) / torch.sqrt(var + NORM_EPSILON) * gamma[wide] + beta[wide]
 
 
-def summed(rows: Tensor, layer: int, x: Tensor, bias: Tensor | None = None) -> Tensor:
-    """A layer's weighted sums of [B, in, h, w]."""
-    if KERNELS[layer] in (1, 7):  # its kernel covers all of its input
-        flat = x.permute(0, 2, 3, 1).flatten(1)
-        return functional.linear(flat, rows, bias)[:, :, None, None]
-    return functional.conv2d(x, as_kernels(rows, layer), bias, stride=STRIDES[layer])
-
-
 def released(trainee: Trainee, seen: Tensor | None) -> Policy:
     """The policy that the robots run, see `folded`."""
     return folded(trainee, seen) if trainee.binary else frozen(trainee)
@@ -155,7 +156,8 @@ def released(trainee: Trainee, seen: Tensor | None) -> Policy:
 def frozen(trainee: Trainee) -> Policy:
     """A float network as the robots run it."""
     biases = tuple(b.detach().clone() for b in torch.split(trainee.biases, trainee.channels))
-    return Policy(tuple(w.detach().clone() for w in trainee.rows()), (), biases, 1.0)
+    rows = tuple(w.detach().clone() for w in trainee.rows())
+    return Policy(rows, (), biases, 1.0, *trainee.shape)
 
 
 @torch.no_grad()
@@ -166,7 +168,7 @@ def folded(trainee: Trainee, seen: Tensor | None) -> Policy:
     folded. A channel whose gamma is negative has its signs turned.
 
     Args:
-        seen: uint8[n, 84, 84, C]; None: before any data, where every mean is 0 and so is every threshold.
+        seen: uint8[n, h, w, C]; None: before any data, where every mean is 0 and so is every threshold.
     """
     rows = [w.clone() for w in trainee.rows()]
     gammas, betas = (
@@ -175,11 +177,11 @@ def folded(trainee: Trainee, seen: Tensor | None) -> Policy:
     )
     thresholds: list[Tensor] = []
     inputs = [] if seen is None else list(torch.split(seen.permute(0, 3, 1, 2), 256))
-    for layer in range(4):
+    for layer in range(len(gammas)):
         if seen is None:
             thresholds.append(torch.zeros(trainee.channels[layer], dtype=torch.int32))
             continue
-        sums = [summed(rows[layer], layer, x.float()).round() for x in inputs]
+        sums = [trainee.summed(rows[layer], layer, x.float()).round() for x in inputs]
         mean, var = moments(sums)
         a = gammas[layer].double() / torch.sqrt(var + NORM_EPSILON)
         b = betas[layer].double() - a * mean
@@ -189,7 +191,7 @@ def folded(trainee: Trainee, seen: Tensor | None) -> Policy:
         ]
         rows[layer][a < 0] *= -1
         thresholds.append(smallest_on(a.abs(), b, trainee.spec.layers[layer].max_output))
-    return Policy(tuple(rows), tuple(thresholds), (), trainee.scale)
+    return Policy(tuple(rows), tuple(thresholds), (), trainee.scale, *trainee.shape)
 
 
 def moments(sums: list[Tensor]) -> tuple[Tensor, Tensor]:

@@ -25,8 +25,8 @@ def learning_rate_factors(config: RunConfig, iteration: int, size: int) -> list[
     Args:
         size: of D.
     """
-    line = 1 + iteration / max(1, config.iterations - 1) * (config.learning_rate_last - 1)
-    final, of_epoch = config.learning_rate_final, minibatches(size, config.batch)
+    line = 1 + iteration / max(1, config.iterations - 1) * (config.lr_run_final_factor - 1)
+    final, of_epoch = config.lr_update_final_factor, minibatches(size, config.batch_size)
     count = updates(config, size)
     parts = count if config.max_updates else config.epochs
 
@@ -43,7 +43,7 @@ def learning_rate_factors(config: RunConfig, iteration: int, size: int) -> list[
 
 def updates(config: RunConfig, size: int) -> int:
     """Optimizer steps of an update over D of that size."""
-    whole = config.epochs * minibatches(size, config.batch)
+    whole = config.epochs * minibatches(size, config.batch_size)
     return min(whole, config.max_updates) if config.max_updates else whole
 
 
@@ -68,7 +68,11 @@ def autograd(trainee: Trainee, data: Targets) -> Gradients:
 
 def compiled(trainee: Trainee, data: Targets) -> Gradients:
     """By the learner's C++ kernel, whose rounding nothing else has; `gap` compares it with autograd."""
-    spec, path = trainee.spec, _native.available_paths()[0]
+    path = _native.available_paths()[0]
+    layers = [
+        (layer.in_size, layer.in_channels, layer.kernel, layer.stride, layer.out_channels)
+        for layer in trainee.spec.layers
+    ]
     slopes = [torch.zeros_like(p) for p in trainee.parameters]
     for parameter, slope in zip(trainee.parameters, slopes, strict=True):
         parameter.grad = slope
@@ -76,11 +80,11 @@ def compiled(trainee: Trainee, data: Targets) -> Gradients:
     values, written = ([v.detach().numpy() for v in of] for of in (trainee.parameters, slopes))
     seen, taken, y = data.seen.numpy(), data.actions.numpy(), data.y.numpy()
     if not trainee.binary:
-        of_floats = _native.FloatKernel(path, spec.channels, spec.nodes, spec.actions)
+        of_floats = _native.FloatKernel(path, layers)
         return lambda rows: of_floats.gradients(
             seen, rows.numpy(), taken, y, values[0], values[1], written[0], written[1], len(rows)
         )
-    kernel = _native.Kernel(path, spec.channels, spec.nodes, spec.actions)
+    kernel = _native.Kernel(path, layers)
 
     def gradients(rows: Tensor) -> float:
         loss, slope = kernel.gradients(
@@ -111,7 +115,7 @@ def train(
     gradients: Gradients,
     *,
     factors: list[list[float]],
-    batch: int,
+    batch_size: int,
     shuffles: np.random.Generator,
     on_epoch: Callable[[], None] = lambda: None,
     turned: int = 0,
@@ -129,7 +133,7 @@ def train(
     for of_epoch in factors:
         order, total = torch.from_numpy(shuffles.permutation(len(data.y))), torch.zeros(())
         for k, factor in enumerate(of_epoch):
-            total += gradients(order[batch * k : batch * (k + 1)].roll(turned))
+            total += gradients(order[batch_size * k : batch_size * (k + 1)].roll(turned))
             trainee.step(factor)
         losses.append(float(total) / len(of_epoch))
         on_epoch()

@@ -6,9 +6,10 @@ from collections.abc import Callable
 import torch
 
 from bpn.verify import draws, explanations, recorded, records, rounding
+from bpn.verify.beginning import check_taken_over
 from bpn.verify.findings import Findings
 from bpn.verify.play import Policy, unpacked
-from bpn.verify.targets import Played, Targets
+from bpn.verify.targets import COMPUTED, Played, Targets
 from bpn.verify.trainee import Trainee, released
 from bpn.verify.training import gap, learning_rate_factors, train, updates
 from bpn.verify.update import Update
@@ -16,6 +17,7 @@ from bpn.verify.weights import described, digest, distance, same_bits
 from bpn_shared.bnn.envelope import BlobError
 from bpn_shared.bnn.weights import Weights
 from bpn_shared.runs.folder import RunFolder
+from bpn_shared.spec.algorithms import EPSILON_GREEDY, SOFTMAX
 from bpn_shared.spec.config import ConfigError, RunConfig
 
 OnEpoch = Callable[[int, int], None]
@@ -61,18 +63,16 @@ class Verification:
         """Everything. Nothing is written.
 
         Raises:
-            ConfigError: the folder holds nothing that could be verified, or begins with another run's weights.
+            ConfigError: the folder holds nothing that could be verified.
         """
-        if self.config.init_from:
-            raise ConfigError(
-                f"{self.folder.path} begins with other weights (init_from = {self.config.init_from!r}): what is "
-                "computed again here follows from the seed"
-            )
         torch.set_num_threads(1)  # as the learner
         policy = self._version(0)
         if policy is None:
             raise ConfigError(f"{self.folder.path} holds no weights version 0: nothing to verify")
-        self._check_initial(policy)
+        if self.config.init_from:
+            self._follows = check_taken_over(self.folder, self._trainees, policy, self.findings)
+        else:
+            self._check_initial(policy)
         told, offset = self.folder.rewards(), 0.0
         for iteration, record in enumerate(self.records):
             where = f"iteration {iteration}"
@@ -138,18 +138,18 @@ class Verification:
     def _check_update(self, update: Update) -> float:
         """One update, from its data to its weights; the offset of the next preferences."""
         config, where, record = self.config, update.where, update.record
-        data = update.targets()
-        steps = updates(config, len(data.y))
-        of_all = updates(config, sum(self._steps))
-        hint = (
-            "it is that of the data sets of all iterations" if record["updates"] == of_all else ""
-        )
-        self.findings.compare("updates", where, record["updates"], steps, hint=hint)
-        self._check_targets(update, data)
+        self._check_steps(update)
         found, expected = record["scale"], update.following.scale
         self.findings.compare("scale", f"{where}, lambda", found, expected, tolerance=1e-6)
+        if config.algorithm_spec.targets not in COMPUTED:
+            self._follows = False
+            self.findings["targets"].note(_OWN_TARGETS.format(config.algorithm_spec.targets))
+            self._progress(config.epochs)
+            return 0.0
+        data = update.targets()
+        self._check_targets(update, data)
         binary = update.following.binary
-        reach = update.following.scale * config.network.nodes if binary else float("inf")
+        reach = update.following.scale * config.network.hidden_units if binary else float("inf")
         expected = float((data.y.abs() > reach).float().mean())
         found = record["saturation"]
         self.findings.compare("scale", f"{where}, saturation", found, expected, tolerance=1e-3)
@@ -162,6 +162,14 @@ class Verification:
             )
             self._progress(config.epochs)
         return data.offset
+
+    def _check_steps(self, update: Update) -> None:
+        config, found = self.config, update.record["updates"]
+        size = sum(len(episode.actions) for episode in update.D)
+        steps = updates(config, size)
+        of_all = updates(config, sum(self._steps))
+        hint = "it is that of the data sets of all iterations" if found == of_all else ""
+        self.findings.compare("updates", update.where, found, steps, hint=hint)
 
     def _check_targets(self, update: Update, data: Targets) -> None:
         where, tolerance = update.where, TARGET_TOLERANCE[self._network]
@@ -184,9 +192,9 @@ class Verification:
     def _check_training(self, update: Update, data: Targets) -> None:
         where, following = update.where, update.following
         before = copy.deepcopy(self._trainees[0])
-        if self.config.engine == "fast":
+        if self.config.backend == "native":
             order = draws.shuffles(self.config.seed, update.iteration).permutation(len(data.y))
-            self._gaps.append(gap(before, data, torch.from_numpy(order[: self.config.batch])))
+            self._gaps.append(gap(before, data, torch.from_numpy(order[: self.config.batch_size])))
         losses = [
             self._trained(trainee, update.iteration, data, turned=7 * k)
             for k, trainee in enumerate(self._trainees)
@@ -238,9 +246,9 @@ class Verification:
         return train(
             trainee,
             data,
-            explanations.engine_of(self.config)(trainee, data),
+            explanations.backend_of(self.config)(trainee, data),
             factors=learning_rate_factors(self.config, iteration, len(data.y)),
-            batch=self.config.batch,
+            batch_size=self.config.batch_size,
             shuffles=draws.shuffles(self.config.seed, iteration),
             turned=turned,
             on_epoch=lambda: self._progress(0 if turned else 1),
@@ -263,11 +271,22 @@ class Verification:
             self.findings["gradients"].note(f"median distance {median:.1g} of the norm")
 
 
+_OWN_TARGETS = "the targets {!r} are no part of this program: neither they nor the training by them is computed again"
+
+
 def what_is_trusted(config: RunConfig) -> list[str]:
     """What a run folder alone cannot show."""
     trusted = ["the frames, that each is what the camera saw after the action before it"]
     if config.task_spec.told_rewards:
         trusted.append("the rewards, which the robot tells")
+    if config.init_from:
+        trusted.append(
+            "the latent weights that it begins with, behind the policy that was taken over"
+        )
+    if config.algorithm_spec.targets not in COMPUTED:
+        trusted.append(f"the updates, which {config.algorithm}'s own targets decide")
+    if config.policy not in (SOFTMAX, EPSILON_GREEDY):
+        trusted.append(f"the actions, which {config.algorithm}'s own selection draws")
     trusted.append("whether an episode's end was the task's, and times")
     return trusted
 
@@ -275,10 +294,11 @@ def what_is_trusted(config: RunConfig) -> list[str]:
 def _newest(sets: list[list[Played]], config: RunConfig) -> list[list[Played]]:
     """Those that are D: the newest U, or as many as have `replay_transitions` together, the last one always."""
     if not config.replay_transitions:
-        return sets[-config.datasets :]
-    while (
-        len(sets) > 1
-        and sum(len(e.actions) for held in sets for e in held) > config.replay_transitions
-    ):
+        return sets[-config.replay_iterations :]
+    while len(sets) > 1 and _steps(sets) > config.replay_transitions:
         sets = sets[1:]
     return sets
+
+
+def _steps(sets: list[list[Played]]) -> int:
+    return sum(len(episode.actions) for held in sets for episode in held)

@@ -10,6 +10,7 @@ from torch import Tensor
 from bpn.verify.play import Policy
 from bpn_shared.bnn.float_weights import FloatWeights
 from bpn_shared.bnn.weights import Weights
+from bpn_shared.spec.network import NetworkSpec
 
 
 def same_bits(one: Policy, other: Policy) -> bool:
@@ -54,17 +55,24 @@ def described(found: Policy, expected: Policy) -> tuple[str, str]:
 
 
 def digest(weights: Weights) -> str:
-    """SHA-256 of what a policy computes: geometry, then lambda, signs and thresholds, or the ONNX model."""
+    """SHA-256 of what a policy computes: geometry, then lambda, signs and thresholds, or the ONNX model.
+
+    Of another shape than the paper's, layers and dimensions of actions stand behind lambda.
+    """
     spec = weights.spec
-    sizes = struct.pack("<HHH", spec.channels, spec.nodes, spec.actions)
+    sizes = struct.pack("<HHH", spec.channels, spec.hidden_units, spec.actions)
     if isinstance(weights, FloatWeights):
         return hashlib.sha256(sizes + weights.model).hexdigest()
     bits = [
         np.packbits(signs.ravel() == 1, bitorder="little").tobytes() for signs in weights.weights
     ]
     taus = [tau.astype("<i4").tobytes() for tau in weights.thresholds]
+    paper = NetworkSpec(spec.channels, spec.hidden_units, spec.actions)
+    numbers = [spec.image_px, len(spec.convolutions), len(spec.action_dims)]
+    numbers += [n for convolution in spec.convolutions for n in convolution] + [*spec.action_dims]
+    shape = b"" if spec == paper else struct.pack(f"<{len(numbers)}H", *numbers)
     return hashlib.sha256(
-        sizes + struct.pack("<f", weights.scale) + b"".join(bits + taus)
+        sizes + struct.pack("<f", weights.scale) + shape + b"".join(bits + taus)
     ).hexdigest()
 
 

@@ -12,10 +12,10 @@ import numpy.typing as npt
 
 from bpn_edge.decisions import DecisionFeed
 from bpn_edge.memory import WeightMemory
+from bpn_edge.policy import ActionSelector
 from bpn_edge.recorder import EpisodeRecorder
 from bpn_edge.robot_link import RobotLink
 from bpn_shared.bnn.envelope import BlobError
-from bpn_shared.bnn.outputs import Outputs
 from bpn_shared.messages.action import Action
 from bpn_shared.messages.base import LONGEST_NS
 from bpn_shared.messages.control import Assignment, Reset
@@ -27,9 +27,6 @@ from bpn_shared.spec.config import RunConfig
 from bpn_shared.spec.seeds import action_uniforms
 
 log = logging.getLogger(__name__)
-
-Choose = Callable[[Outputs, float], int]
-"""From outputs [|A|] and a uniform number in [0, 1) to an action."""
 
 _LOOK_AROUND_S = 0.2
 
@@ -64,7 +61,7 @@ class EpisodeDriver:
     def play(
         self,
         assignment: Assignment,
-        choose: Choose,
+        choose: ActionSelector,
         *,
         meanwhile: Callable[[], None] = lambda: None,
     ) -> Episode | None:
@@ -89,7 +86,7 @@ class EpisodeDriver:
             seed=assignment.seed,
             reset_id=secrets.randbits(64),
         )
-        game = _Game(
+        game = _EpisodeSession(
             worker,
             self._config,
             self._link,
@@ -118,7 +115,7 @@ class EpisodeDriver:
         return game.episode
 
 
-class _Game:
+class _EpisodeSession:
     """One episode while it is played. `on_frame` runs on the network thread, all else waits for `over`.
 
     A robot that was restarted begins again at step 0, and so does the recording: seed and weights are the
@@ -135,7 +132,7 @@ class _Game:
         *,
         assignment: Assignment,
         reset_id: int,
-        choose: Choose,
+        choose: ActionSelector,
     ) -> None:
         self._worker, self._task, self._link, self._memory = worker, config.task_spec, link, memory
         self._feed, self._lockstep = feed, config.pacing == "lockstep"

@@ -14,7 +14,6 @@ from bpn_shared.bnn.envelope import BlobError
 from bpn_shared.bnn.outputs import Outputs
 from bpn_shared.bnn.weights import NO_RANK, Rank, Weights, rank_of
 from bpn_shared.counters import Counters
-from bpn_shared.spec.config import Kernel as KernelName
 
 log = logging.getLogger(__name__)
 
@@ -38,7 +37,7 @@ class WeightMemory:
     not be called while `run` may be, so that a swap falls between two episodes.
     """
 
-    def __init__(self, kernel: KernelName, counters: Counters) -> None:
+    def __init__(self, kernel: str, counters: Counters) -> None:
         self._active, self._idle = banks(kernel)
         self._counters = counters
         self._changed = threading.Condition()
@@ -155,7 +154,7 @@ def verify(kernel: Kernel, weights: Weights) -> None:
     found = kernel.run(probe)
     if isinstance(weights, WeightBlob):
         if not np.array_equal(found, golden.forward(weights, probe)[-1]):
-            raise BlobError(f"the {kernel.name} kernel computes it wrongly (try --kernel golden)")
+            raise BlobError(f"the {kernel.name} kernel computes it wrongly (try kernel golden)")
         return
     expected = weights.probe_outputs
     tolerance = _FLOAT_TOLERANCE * float(np.abs(expected).max())

@@ -1,14 +1,46 @@
-"""From the network's outputs to an action: softmax (the paper's Eq. 9) or epsilon-greedy (DQN).
+"""From the network's outputs to an action: softmax (the paper's Eq. 9), epsilon-greedy (DQN), or one's own.
 
-Plain floats on purpose: for |A| <= 64 numbers numpy's calls cost more than the arithmetic, and this is
-on the way from camera to action.
+An action selection is an entry point of the group `bpn.selections`: a `Selection`. Plain floats on purpose: for
+|A| <= 64 numbers numpy's calls cost more than the arithmetic, and this is on the way from camera to action.
 """
 
+from collections.abc import Callable
 from math import exp
 
 import numpy as np
 
+from bpn_shared import plugins
 from bpn_shared.bnn.outputs import Outputs
+from bpn_shared.messages.control import Assignment
+from bpn_shared.spec.config import RunConfig
+
+ActionSelector = Callable[[Outputs, float], int]
+"""From outputs [|A|] and a uniform number in [0, 1) to an action 0..|A|-1; a pure function."""
+Selection = Callable[[RunConfig, Assignment, float], ActionSelector]
+"""Of a configuration, an episode that is to be played, and the policy's scale, P = scale * outputs."""
+
+
+def action_selector(config: RunConfig, assignment: Assignment, scale: float) -> ActionSelector:
+    """What an episode is to be played with.
+
+    Raises:
+        PluginError: the assignment's selection is not installed here, or broken.
+    """
+    plugin = plugins.find(plugins.SELECTIONS, assignment.policy)
+    selector: ActionSelector = plugin.call(config, assignment, scale)
+    return selector
+
+
+def softmax(config: RunConfig, _assignment: Assignment, scale: float) -> ActionSelector:
+    """The `Selection` of CVI."""
+    beta = config.beta
+    return lambda outputs, uniform: softmax_action(outputs, scale, beta, uniform)
+
+
+def epsilon_greedy(_config: RunConfig, assignment: Assignment, _scale: float) -> ActionSelector:
+    """The `Selection` of DQN."""
+    epsilon = assignment.epsilon
+    return lambda outputs, uniform: epsilon_greedy_action(outputs, epsilon, uniform)
 
 
 def softmax_weights(outputs: Outputs, scale: float, beta: float) -> list[float]:

@@ -1,24 +1,28 @@
 """`bpn-edge`: the policy at the robot. Frames in, actions out; episodes to the learner."""
 
 import logging
+from collections.abc import Sequence
 from contextlib import closing
+from functools import partial
 
 from bpn_edge.decisions import DecisionFeed
-from bpn_edge.driver import Choose, EpisodeDriver, EpisodeFault
+from bpn_edge.driver import EpisodeDriver, EpisodeFault
 from bpn_edge.kernel import usable_kernels
+from bpn_edge.kernel.choice import add_kernel, choose_kernel, kernels_here
 from bpn_edge.learner_link import LearnerLink, Pace
 from bpn_edge.memory import WeightMemory
-from bpn_edge.policy import epsilon_greedy_action, softmax_action
+from bpn_edge.policy import action_selector
 from bpn_edge.robot_link import RobotLink
 from bpn_shared import plugins
 from bpn_shared.bnn.weights import Weights
 from bpn_shared.bus.weights import WeightsSubscriber
-from bpn_shared.messages.control import Assignment
+from bpn_shared.errors import InputError
 from bpn_shared.runtime.entry import run_slot_worker, slot_options, slot_parser
 from bpn_shared.runtime.faults import FaultReporter
 from bpn_shared.runtime.leased import Abilities
 from bpn_shared.runtime.worker import EXIT_FINISHED, Worker
-from bpn_shared.spec.config import Pacing, RunConfig
+from bpn_shared.spec.config import RunConfig
+from bpn_shared.spec.sections import Pacing
 from bpn_shared.spec.tasks import TaskSpec
 
 log = logging.getLogger(__name__)
@@ -28,23 +32,23 @@ _LEAST_SILENCE_S = 1.0
 _SILENT_PERIODS = 5
 
 
-def chooser(config: RunConfig, assignment: Assignment, scale: float) -> Choose:
-    """The policy that an episode is to be played with."""
-    if assignment.policy == "softmax":
-        return lambda outputs, uniform: softmax_action(outputs, scale, config.beta, uniform)
-    return lambda outputs, uniform: epsilon_greedy_action(outputs, assignment.epsilon, uniform)
-
-
 def longest_silence_s(task: TaskSpec, pacing: Pacing) -> float:
     """Without a frame for so long, the robot is asked again; in realtime it sends one each control period."""
     periods_s = _SILENT_PERIODS * task.control_period_s if pacing == "realtime" else 0.0
     return max(_LEAST_SILENCE_S, periods_s)
 
 
-def serve(worker: Worker, config: RunConfig) -> int:
-    """Plays what the learner assigns, until there is no more or the worker is stopped."""
+def serve(worker: Worker, config: RunConfig, kernels: Sequence[str] = ()) -> int:
+    """Plays what the learner assigns, until there is no more or the worker is stopped.
+
+    Args:
+        kernels: what this edge was set up with.
+
+    Raises:
+        ConfigError: the run asks for another kernel, or for a selection that is not installed here.
+    """
     task, faults = config.task_spec, FaultReporter(worker)
-    memory = WeightMemory(config.kernel, worker.counters)
+    memory = _memory(worker, config, kernels)
 
     def take(weights: Weights) -> None:
         if memory.offer(weights):
@@ -99,7 +103,7 @@ def serve(worker: Worker, config: RunConfig) -> int:
             worker.weights.note("running", memory.weights)
             feed.scale = memory.weights.scale
             try:
-                choose = chooser(config, assignment, memory.weights.scale)
+                choose = action_selector(config, assignment, memory.weights.scale)
                 episode = driver.play(assignment, choose, meanwhile=learner.deliver)
                 # What a damaged bank played is no data: it is asked for, and played, again.
                 if episode is not None and memory.is_intact():
@@ -109,8 +113,22 @@ def serve(worker: Worker, config: RunConfig) -> int:
     return EXIT_FINISHED
 
 
+def _memory(worker: Worker, config: RunConfig, kernels: Sequence[str]) -> WeightMemory:
+    """Both banks, once it is known that this edge can play the run."""
+    plugins.find(plugins.SELECTIONS, config.policy)
+    kernel = choose_kernel(config.kernel, config.algorithm_spec.network, kernels)
+    log.info("kernel %s", kernel)
+    return WeightMemory(kernel, worker.counters)
+
+
 def main(argv: list[str] | None = None) -> int:
     """The edge service."""
-    options = slot_options(slot_parser("edge", __doc__), argv)
-    abilities = Abilities(plugins={plugins.KERNELS.name: usable_kernels()})
-    return run_slot_worker("edge", options, serve, abilities=abilities)
+    parser = slot_parser("edge", __doc__)
+    add_kernel(parser)
+    options = slot_options(parser, argv)
+    try:
+        kernels = kernels_here(options.kernel)
+    except InputError as error:
+        parser.error(str(error))
+    abilities = Abilities(plugins={plugins.KERNELS.name: kernels or usable_kernels()})
+    return run_slot_worker("edge", options, partial(serve, kernels=kernels), abilities=abilities)

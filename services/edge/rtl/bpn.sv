@@ -12,6 +12,7 @@ package bpn;
   localparam int CONV3_WEIGHTS = 9;
   localparam int FC1_WEIGHTS = 19;
   // Widths, of counters and sums.
+  localparam int PAIRS = 2;
   localparam int BEAT_W = 4;
   localparam int BLOCK_W = 5;
   localparam int ROW_W = 7;

@@ -50,6 +50,7 @@ module bpn_conv1 (
   logic [C_W-1:0] along[DEPTH+3];
   logic [DEPTH+2:0] valid;
   logic [8*bpn::BYTES-1:0] data[3];
+  logic [9*bpn::PAIRS-1:0] pairs;  // of data[2]
 
   wire [bpn::BEAT_W+2:0] beat_address = {bank, row[1:0], beat};
   logic [bpn::BEAT_W+2:0] address;
@@ -74,6 +75,9 @@ module bpn_conv1 (
     data[0] <= beat_data;
     data[1] <= data[0];
     data[2] <= data[1];
+    for (int i = 0; i < bpn::BYTES / 2; i = i + 1)
+      pairs[9*i+:9] <= {1'b0, data[1][16*i+:8]} + {1'b0, data[1][16*i+8+:8]};
+    if (bpn::BYTES == 1) pairs <= '0;
     along[0] <= {half, bank, beat_last, beat == '0, row, block};
     valid[0] <= beat_valid;
     for (int i = 1; i < DEPTH + 3; i = i + 1) begin
@@ -91,6 +95,7 @@ module bpn_conv1 (
       bpn_masked_sum u_sum (
           .clk,
           .bytes(data[2]),
+          .pairs,
           .mask(weights[i*bpn::BYTES+:bpn::BYTES]),
           .sum(masked[i*Q_W+:Q_W])
       );
@@ -99,6 +104,7 @@ module bpn_conv1 (
   bpn_masked_sum u_total (
       .clk,
       .bytes(data[2]),
+      .pairs,
       .mask('1),
       .sum(total)
   );

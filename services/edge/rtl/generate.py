@@ -28,22 +28,22 @@ def registers() -> list[RegNode]:
     return [node for node in top.children() if isinstance(node, RegNode)]
 
 
-def constants(nodes: list[RegNode]) -> str:
+def constants(hidden_units: list[RegNode]) -> str:
     """The driver's module."""
     lines = [f'"""The core\'s registers: {NOTE}."""', ""]
-    for node in nodes:
+    for node in hidden_units:
         lines.append(f"{node.inst_name} = 0x{node.raw_address_offset:03X}")
         lines += [f'"""{node.get_property("desc")}"""']
         for field in _named(node):
             lines.append(
                 f"{node.inst_name}_{field.inst_name.upper()} = ({field.low}, {field.width})"
             )
-    offsets = ", ".join(f'"{node.inst_name}": {node.inst_name}' for node in nodes)
+    offsets = ", ".join(f'"{node.inst_name}": {node.inst_name}' for node in hidden_units)
     lines += ["", f"OFFSETS = {{{offsets}}}", '"""Of every register, in bytes."""', ""]
     return "\n".join(lines)
 
 
-def table(nodes: list[RegNode]) -> str:
+def table(hidden_units: list[RegNode]) -> str:
     """The page."""
     lines = [
         "# Registers of the core",
@@ -52,7 +52,7 @@ def table(nodes: list[RegNode]) -> str:
         "",
     ]
     lines += ["| offset | register | access | what |", "|---|---|---|---|"]
-    for node in nodes:
+    for node in hidden_units:
         count = f"[{node.array_dimensions[0]}]" if node.array_dimensions else ""
         fields = "".join(
             f"<br>{_bits(field)} `{field.inst_name}`: {field.get_property('desc')}"
@@ -79,10 +79,10 @@ def _access(field: FieldNode) -> str:
 
 
 def main() -> int:
-    nodes = registers()
+    hidden_units = registers()
     generated = {
-        HERE.parent / "bpn_edge/fpga/registers.py": constants(nodes),
-        ROOT / "docs/fpga-registers.md": table(nodes),
+        HERE.parent / "bpn_edge/fpga/registers.py": constants(hidden_units),
+        ROOT / "docs/fpga-registers.md": table(hidden_units),
     }
     check = "--check" in sys.argv
     for path, text in generated.items():

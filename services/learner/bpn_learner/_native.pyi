@@ -1,4 +1,4 @@
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -6,7 +6,7 @@ import numpy.typing as npt
 def available_paths() -> list[str]: ...
 
 class Kernel:
-    def __init__(self, path: str, channels: int, nodes: int, actions: int, /) -> None: ...
+    def __init__(self, path: str, layers: Sequence[tuple[int, int, int, int, int]], /) -> None: ...
     def gradients(
         self,
         observations: npt.NDArray[np.uint8],
@@ -26,7 +26,7 @@ class Kernel:
     ) -> tuple[float, float]: ...
 
 class FloatKernel:
-    def __init__(self, path: str, channels: int, nodes: int, actions: int, /) -> None: ...
+    def __init__(self, path: str, layers: Sequence[tuple[int, int, int, int, int]], /) -> None: ...
     def gradients(
         self,
         observations: npt.NDArray[np.uint8],

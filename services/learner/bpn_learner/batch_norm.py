@@ -62,7 +62,7 @@ class _SharedBatchNorm(torch.autograd.Function):
 def _added_up(group: Group, *sums: Tensor) -> tuple[Tensor, ...]:
     """The sums over the group, in one exchange."""
     together = torch.cat(sums)
-    group.add_up(together)
+    group.all_reduce_sum(together)
     return torch.split(together, [len(part) for part in sums])
 
 

@@ -14,11 +14,11 @@ from bpn_learner.networks import BinaryNetwork, activation, exact_dot_products
 def reestimate_batch_norm(network: BinaryNetwork, observations: Tensor, batch: int = 256) -> None:
     """Sets `network.mean` and `network.var`, layer l's with layers below l evaluated with theirs.
 
-    The integers' sums are exact (int64, then Python's), so the result does not depend on `batch` nor
+    The integers' sums are exact (int64 of a batch, then Python's), so the result does not depend on `batch` nor
     on the order of observations.
 
     Args:
-        observations: uint8[n, C, 84, 84], n >= 1.
+        observations: uint8[n, C, rows, columns], n >= 1.
         batch: observations in one forward pass.
 
     Raises:
@@ -42,13 +42,13 @@ def reestimate_batch_norm(network: BinaryNetwork, observations: Tensor, batch: i
 def _moments(outputs: list[Tensor]) -> tuple[Tensor, Tensor]:
     """Mean and (biased) variance per channel of integers [B, out, h, w]; float64[out] each."""
     count = sum(o.numel() // o.shape[1] for o in outputs)
-    totals = torch.zeros(outputs[0].shape[1], dtype=torch.int64, device=outputs[0].device)
-    squares = torch.zeros_like(totals)
+    totals, squares = ([0] * outputs[0].shape[1] for _ in range(2))
     for o in outputs:
         integers = o.long()
-        totals += integers.sum(dim=(0, 2, 3))
-        squares += integers.square().sum(dim=(0, 2, 3))
-    pairs = list(zip(totals.tolist(), squares.tolist(), strict=True))
+        for sums, part in ((totals, integers), (squares, integers.square())):
+            for channel, value in enumerate(part.sum(dim=(0, 2, 3)).tolist()):
+                sums[channel] += value
+    pairs = list(zip(totals, squares, strict=True))
     mean = [total / count for total, _ in pairs]
     var = [(count * square - total * total) / (count * count) for total, square in pairs]
     return torch.tensor(mean, dtype=torch.float64), torch.tensor(var, dtype=torch.float64)

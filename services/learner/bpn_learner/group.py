@@ -20,10 +20,10 @@ class Group(Protocol):
     @property
     def size(self) -> int: ...
 
-    def part(self, batch: Tensor) -> Tensor:
+    def shard(self, batch: Tensor) -> Tensor:
         """This member's transitions of a minibatch; parts differ in size by 1 at most and may be empty."""
 
-    def add_up(self, values: Tensor) -> None:
+    def all_reduce_sum(self, values: Tensor) -> None:
         """Replaces values by their sums over all members, which get the same bits.
 
         Raises:
@@ -31,20 +31,20 @@ class Group(Protocol):
         """
 
 
-class Alone:
+class SingleProcess:
     """A learner that shares with nobody."""
 
     size = 1
 
-    def part(self, batch: Tensor) -> Tensor:
+    def shard(self, batch: Tensor) -> Tensor:
         """All of it."""
         return batch
 
-    def add_up(self, values: Tensor) -> None:
+    def all_reduce_sum(self, values: Tensor) -> None:
         """Nothing: the sums are complete."""
 
 
-ALONE = Alone()
+SINGLE_PROCESS = SingleProcess()
 
 
 class DistributedGroup:
@@ -66,11 +66,11 @@ class DistributedGroup:
         self.rank, self.size = rank, size
         self.exchange_s = 0.0
 
-    def part(self, batch: Tensor) -> Tensor:
+    def shard(self, batch: Tensor) -> Tensor:
         """The rank-th of `size` neighbouring pieces."""
         return batch.tensor_split(self.size)[self.rank]
 
-    def add_up(self, values: Tensor) -> None:
+    def all_reduce_sum(self, values: Tensor) -> None:
         """Each sum is formed in one place and then told to all: equal bits everywhere."""
         self._exchange("allreduce", values)
 

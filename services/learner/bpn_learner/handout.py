@@ -13,20 +13,20 @@ from torch import Tensor, nn
 
 from bpn_learner.checkpoint import restore, state_tensors
 from bpn_learner.group import DistributedGroup, GroupLostError
-from bpn_learner.update import Regression
+from bpn_learner.update import RegressionBatch
 
 _REGRESSION, _ITERATION = "regression.", "iteration"
 MAX_BYTES = 16 * 2**30
 
 
-def hand_out(
+def broadcast_state(
     group: DistributedGroup,
     network: nn.Module,
     optimizer: torch.optim.Optimizer,
-    regression: Regression,
+    regression: RegressionBatch,
     iteration: int,
 ) -> None:
-    """Rank 0's end of `take`.
+    """Rank 0's end of `receive_state`.
 
     Raises:
         GroupLostError: not every member took it.
@@ -41,9 +41,9 @@ def hand_out(
     group.broadcast(data)
 
 
-def take(
+def receive_state(
     group: DistributedGroup, network: nn.Module, optimizer: torch.optim.Optimizer
-) -> tuple[Regression, int]:
+) -> tuple[RegressionBatch, int]:
     """Sets network and optimizer to rank 0's.
 
     Returns:
@@ -62,8 +62,10 @@ def take(
     try:
         tensors: dict[str, Tensor] = load(data.cpu().numpy().tobytes())
         restore(tensors, network, optimizer)
-        parts = {field.name: tensors[f"{_REGRESSION}{field.name}"] for field in fields(Regression)}
-        regression = Regression(**{name: part.to(device) for name, part in parts.items()})
+        parts = {
+            field.name: tensors[f"{_REGRESSION}{field.name}"] for field in fields(RegressionBatch)
+        }
+        regression = RegressionBatch(**{name: part.to(device) for name, part in parts.items()})
         return regression, int(tensors[_ITERATION])
     except (SafetensorError, KeyError, ValueError, RuntimeError) as error:
         raise GroupLostError(f"rank 0 tells what is no update of this run: {error}") from error

@@ -4,10 +4,10 @@ import contextlib
 import logging
 
 from bpn_learner.group import GroupLostError
-from bpn_learner.handout import take
+from bpn_learner.handout import receive_state
 from bpn_learner.initial import initial_policy
 from bpn_learner.rendezvous import join
-from bpn_learner.update import DivergenceError, PolicyUpdate, UpdateStopped, fit
+from bpn_learner.update import DivergenceError, UpdateConfig, UpdateStopped, fit
 from bpn_shared.bus import keys
 from bpn_shared.messages.meeting import MeetingReply, MeetingRequest
 from bpn_shared.runtime.worker import EXIT_FINISHED, Worker, fetch_config
@@ -74,12 +74,12 @@ class _Member:
             UpdateStopped: the worker was stopped.
         """
         with contextlib.closing(join(self._worker, meeting, self._config)) as group:
-            regression, iteration = take(group, self._network, self._optimizer)
+            regression, iteration = receive_state(group, self._network, self._optimizer)
             fit(
                 self._network,
                 self._optimizer,
                 regression,
-                PolicyUpdate.of_iteration(self._config, iteration),
+                UpdateConfig.of_iteration(self._config, iteration),
                 shuffle_generator(self._config.seed, iteration),
                 group=group,
                 stop=self._worker.stop.is_set,

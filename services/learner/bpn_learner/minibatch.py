@@ -11,9 +11,10 @@ import torch
 from torch import Tensor, nn
 
 from bpn_learner import _native
-from bpn_learner.group import ALONE, Group
+from bpn_learner.group import SINGLE_PROCESS, Group
 from bpn_learner.networks import BinaryNetwork, FloatNetwork, PNetwork
-from bpn_shared.spec.config import Engine
+from bpn_shared.spec.network import NetworkSpec
+from bpn_shared.spec.sections import Backend
 
 Gradients = Callable[[Tensor], Tensor | float]
 """Sets every parameter's `grad` from the transitions int64[B] of D, and returns their mean loss.
@@ -27,27 +28,35 @@ def available_paths() -> tuple[str, ...]:
     return tuple(_native.available_paths())
 
 
+def kernel_layers(spec: NetworkSpec) -> list[tuple[int, int, int, int, int]]:
+    """The layers as the kernel is told them."""
+    return [
+        (layer.in_size, layer.in_channels, layer.kernel, layer.stride, layer.out_channels)
+        for layer in spec.layers
+    ]
+
+
 def minibatch_gradients(
-    engine: Engine,
+    backend: Backend,
     network: PNetwork,
     observations: Tensor,
     actions: Tensor,
     y: Tensor,
     *,
-    group: Group = ALONE,
+    group: Group = SINGLE_PROCESS,
 ) -> Gradients:
-    """The engine's gradients of a network in training mode.
+    """The backend's gradients of a network in training mode.
 
-    "fast" is the kernel, on a CPU; there is none for a GPU, which computes as "plain" does.
+    "native" is the kernel, on a CPU; there is none for a GPU, which computes as "torch" does.
 
     Args:
-        observations: uint8[n, C, 84, 84], channels-last in memory.
+        observations: uint8[n, C, rows, columns], channels-last in memory.
         actions: int64[n].
         y: targets, float32[n].
         group: who shares the minibatches.
     """
     pixels = observations.permute(0, 2, 3, 1)
-    if engine == "fast" and not pixels.is_cuda:
+    if backend == "native" and not pixels.is_cuda:
         if isinstance(network, BinaryNetwork):
             return native_gradients(network, pixels, actions, y, group=group)
         if isinstance(network, FloatNetwork):
@@ -75,17 +84,17 @@ class _Gradients:
 
 
 def autograd_gradients(
-    network: PNetwork, pixels: Tensor, actions: Tensor, y: Tensor, *, group: Group = ALONE
+    network: PNetwork, pixels: Tensor, actions: Tensor, y: Tensor, *, group: Group = SINGLE_PROCESS
 ) -> Gradients:
     """By torch's autograd, for any network.
 
     Args:
-        pixels: uint8[n, 84, 84, C]: rows that index_select copies whole.
+        pixels: uint8[n, rows, columns, C]: rows that index_select copies whole.
     """
     together = _Gradients(list(network.parameters()))
 
     def gradients(batch: Tensor) -> Tensor:
-        part = group.part(batch)
+        part = group.shard(batch)
         P = network(pixels.index_select(0, part).float().permute(0, 3, 1, 2), group)
         P_taken = P.gather(1, actions[part, None]).squeeze(1)
         loss = (y[part] - P_taken).square().sum() / (2 * len(batch))  # J, section IV-C
@@ -93,7 +102,7 @@ def autograd_gradients(
         together.set()
         loss.backward()
         together.loss.copy_(loss.detach())
-        group.add_up(together.vector)
+        group.all_reduce_sum(together.vector)
         return together.loss.clone()
 
     return gradients
@@ -105,20 +114,19 @@ def native_gradients(
     actions: Tensor,
     y: Tensor,
     *,
-    group: Group = ALONE,
+    group: Group = SINGLE_PROCESS,
     path: str | None = None,
 ) -> Gradients:
     """By the kernel. Equal inputs give equal bits on one path, wherever memory lies.
 
     Args:
-        pixels: uint8[n, 84, 84, C], contiguous.
+        pixels: uint8[n, rows, columns, C], contiguous.
         path: one of `available_paths`; by default the best.
 
     Raises:
         ValueError: this machine cannot run that path, or the arrays are not of this network.
     """
-    spec = network.spec
-    kernel = _native.Kernel(path or available_paths()[0], spec.channels, spec.nodes, spec.actions)
+    kernel = _native.Kernel(path or available_paths()[0], kernel_layers(network.spec))
     vectors = (network.latent, network.gamma, network.beta)
     together = _Gradients([*vectors, network.log_scale])
     # The kernel reads parameters and writes gradients in place: these arrays share the tensors' memory.
@@ -126,17 +134,17 @@ def native_gradients(
     d_latent, d_gamma, d_beta = (part.numpy() for part in together.parts[:-1])
     observations, taken, targets = pixels.numpy(), actions.numpy(), y.numpy()
     # Batch norm's statistics are the whole minibatch's.
-    add_up = None if group.size == 1 else lambda sums: group.add_up(torch.from_numpy(sums))
+    add_up = None if group.size == 1 else lambda sums: group.all_reduce_sum(torch.from_numpy(sums))
 
     def gradients(batch: Tensor) -> float:
         loss, d_log_scale = kernel.gradients(
-            observations, group.part(batch).numpy(), taken, targets,
+            observations, group.shard(batch).numpy(), taken, targets,
             latent, gamma, beta, network.log_scale.item(), d_latent, d_gamma, d_beta,
             len(batch), add_up,
         )  # fmt: skip
         together.parts[-1].fill_(d_log_scale)
         together.loss.fill_(loss)
-        group.add_up(together.vector)
+        group.all_reduce_sum(together.vector)
         together.set()
         return together.loss.item()
 
@@ -149,14 +157,11 @@ def native_float_gradients(
     actions: Tensor,
     y: Tensor,
     *,
-    group: Group = ALONE,
+    group: Group = SINGLE_PROCESS,
     path: str | None = None,
 ) -> Gradients:
     """By the kernel for float networks; otherwise as `native_gradients`."""
-    spec = network.spec
-    kernel = _native.FloatKernel(
-        path or available_paths()[0], spec.channels, spec.nodes, spec.actions
-    )
+    kernel = _native.FloatKernel(path or available_paths()[0], kernel_layers(network.spec))
     parameters = (network.weights, network.biases)
     together = _Gradients(parameters)
     # They share the tensors' memory.
@@ -166,11 +171,11 @@ def native_float_gradients(
 
     def gradients(batch: Tensor) -> float:
         loss = kernel.gradients(
-            observations, group.part(batch).numpy(), taken, targets,
+            observations, group.shard(batch).numpy(), taken, targets,
             weights, biases, d_weights, d_biases, len(batch),
         )  # fmt: skip
         together.loss.fill_(loss)
-        group.add_up(together.vector)
+        group.all_reduce_sum(together.vector)
         together.set()
         return together.loss.item()
 

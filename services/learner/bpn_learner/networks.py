@@ -1,4 +1,4 @@
-"""P-networks of the paper's geometry: binarized (BPN, BQN) and floating point (CVI, DPP, DQN).
+"""P-networks: binarized (BPN, BQN) and floating point (CVI, DPP, DQN).
 
 All weights of a network (of a binarized one, the latent weights) are one vector in the weight blob's
 order (layer; out, kernel row, kernel column, input channel). That is also the memory order of
@@ -6,7 +6,7 @@ channels-last convolution kernels, so export is `sign` alone; and one vector is 
 signs, optimizer and clipping.
 
 Inputs are pixel values 0..255 in float32. Every sum a binarized layer can form is an integer below
-2**24 (conv1: at most 255 * 64 * 16), so float32 holds it exactly, in any order of summation.
+2**24 (conv1: at most 255 * 256 * 16), so float32 holds it exactly, in any order of summation.
 """
 
 import torch
@@ -15,7 +15,7 @@ from torch.nn import functional
 
 from bpn_learner.batch_norm import BATCH_NORM_EPSILON, batch_norm
 from bpn_learner.binarize import sign
-from bpn_learner.group import ALONE, Group
+from bpn_learner.group import SINGLE_PROCESS, Group
 from bpn_shared.spec.algorithms import NetworkKind
 from bpn_shared.spec.network import MAX_PIXEL, Layer, NetworkSpec
 
@@ -23,7 +23,7 @@ LATENT_INITIAL = 0.1  # small against the clip at 1: early on, signs are free to
 
 
 class PNetwork(nn.Module):
-    """Action preferences P(s, .): pixels float32[B, C, 84, 84] of 0..255 to float32[B, |A|].
+    """Action preferences P(s, .): pixels float32[B, C, rows, columns] of 0..255 to float32[B, |A|].
 
     In training the pixels may be one member's part of a minibatch that a group shares.
 
@@ -53,13 +53,13 @@ class PNetwork(nn.Module):
 class BinaryNetwork(PNetwork):
     """The paper's network (sections IV-A, IV-B): binary weights and activations, P = lambda o_5.
 
-    Batch normalization follows layers 1-4. It keeps no running averages, which lag behind weights that
-    flip: training uses the minibatch's own statistics, and `mean` and `var` belong to the evaluated and
+    Batch normalization follows all layers but the last. It keeps no running averages, which lag behind weights
+    that flip: training uses the minibatch's own statistics, and `mean` and `var` belong to the evaluated and
     exported network alone; `calibrate.reestimate_batch_norm` sets them.
 
     Attributes:
         latent: float32[weight_bits], in [-1, 1].
-        gamma, beta: float32[channels of layers 1-4 together].
+        gamma, beta: float32[channels of those layers together].
         mean, var: float64, of the same shape.
         log_scale: float32[], log lambda.
 
@@ -89,7 +89,7 @@ class BinaryNetwork(PNetwork):
         self.register_buffer("mean", torch.zeros(channels, dtype=torch.float64))
         self.register_buffer("var", torch.cat([_variance(layer) for layer in spec.layers[:-1]]))
 
-    def forward(self, pixels: Tensor, group: Group = ALONE) -> Tensor:
+    def forward(self, pixels: Tensor, group: Group = SINGLE_PROCESS) -> Tensor:
         """P(s, .): in training with the whole minibatch's statistics, else exactly as exported."""
         if not self.training:
             return self.scale() * self.integers(pixels)[-1].flatten(1)
@@ -110,7 +110,7 @@ class BinaryNetwork(PNetwork):
         return [s.view(g.weight_shape) for s, g in zip(signs, self.spec.layers, strict=True)]
 
     def affine(self) -> list[tuple[Tensor, Tensor]]:
-        """a, b (float64[out]) of layers 1-4: the evaluated activation is Sign(a o + b)."""
+        """a, b (float64[out]) of all layers but the last: the evaluated activation is Sign(a o + b)."""
         a = self.gamma.detach().double() / torch.sqrt(self.var + BATCH_NORM_EPSILON)
         b = self.beta.detach().double() - a * self.mean
         return list(
@@ -119,7 +119,7 @@ class BinaryNetwork(PNetwork):
 
     @torch.no_grad()
     def integers(self, pixels: Tensor) -> list[Tensor]:
-        """o_1..o_5 of the evaluated network, float32[B, out, out_size, out_size], exact."""
+        """Every layer's o of the evaluated network, float32[B, out, out_size, out_size], exact."""
         layers, weights = self.spec.layers, self.signs()
         outputs = [exact_dot_products(layers[0], weights[0], pixels)]
         for layer, signs, (a, b) in zip(layers[1:], weights[1:], self.affine(), strict=True):
@@ -132,7 +132,7 @@ class BinaryNetwork(PNetwork):
 
     def max_preference(self) -> float:
         """The largest |P|: lambda N."""
-        return float(self.scale().detach()) * self.spec.nodes
+        return float(self.scale().detach()) * self.spec.hidden_units
 
     @torch.no_grad()
     def clip_latent_weights(self) -> None:
@@ -145,7 +145,7 @@ class FloatNetwork(PNetwork):
 
     Attributes:
         weights: float32[weight_bits], in the weight blob's order as `BinaryNetwork.latent`.
-        biases: float32[channels of layers 1-5 together].
+        biases: float32[channels of all layers together].
 
     Args:
         spec: geometry.
@@ -167,7 +167,7 @@ class FloatNetwork(PNetwork):
 
         self.weights, self.biases = drawn(self._weight_sizes), drawn(self._bias_sizes)
 
-    def forward(self, pixels: Tensor, group: Group = ALONE) -> Tensor:  # noqa: ARG002
+    def forward(self, pixels: Tensor, group: Group = SINGLE_PROCESS) -> Tensor:  # noqa: ARG002
         """P(s, .): of each image by itself, whatever the rest of its minibatch."""
         x = pixels
         for index, (weights, bias) in enumerate(self.affine()):
@@ -179,10 +179,9 @@ class FloatNetwork(PNetwork):
         weights = torch.split(self.weights, self._weight_sizes)
         biases = torch.split(self.biases, self._bias_sizes)
         # conv1 is divided by 255 in place of the pixels: there are fewer weights than pixels
-        inputs = (MAX_PIXEL, 1, 1, 1, 1)
         return [
-            (w.view(layer.weight_shape) / largest, b)
-            for layer, w, b, largest in zip(self.spec.layers, weights, biases, inputs, strict=True)
+            (w.view(layer.weight_shape) / layer.max_input, b)
+            for layer, w, b in zip(self.spec.layers, weights, biases, strict=True)
         ]
 
 
@@ -206,7 +205,7 @@ def dot_products(layer: Layer, weights: Tensor, x: Tensor, bias: Tensor | None =
     Returns:
         float32[B, out_channels, out_size, out_size].
     """
-    if layer.out_size == 1:
+    if layer.is_fully_connected:
         rows = x.permute(0, 2, 3, 1).flatten(1)
         return functional.linear(rows, weights, bias)[:, :, None, None]
     return functional.conv2d(x, as_kernels(layer, weights), bias, stride=layer.stride)

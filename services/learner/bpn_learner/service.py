@@ -30,6 +30,7 @@ from bpn_shared.bus.router_watch import GIVE_UP_AFTER_S
 from bpn_shared.bus.weights import WeightsPublisher
 from bpn_shared.messages.control import Fault, NextEpisode
 from bpn_shared.plugins import PluginError
+from bpn_shared.runs.config_file import encode_config
 from bpn_shared.runs.folder import RunFolder, State
 from bpn_shared.runs.ownership import Ownership
 from bpn_shared.runtime.entry import argument_parser, natural, run_worker
@@ -126,7 +127,7 @@ def _train(worker: Worker, owner: Ownership) -> None:
         return (evaluations.fault(told) or ledger.fault(told)).encode()
 
     def configuration(_body: bytes) -> bytes:
-        return config.model_dump_json().encode()
+        return encode_config(config)
 
     weights = WeightsPublisher(worker.bus, worker.run)
 

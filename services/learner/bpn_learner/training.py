@@ -15,8 +15,8 @@ from bpn_learner.checkpoint import encode_checkpoint
 from bpn_learner.episodes import Scored, load_episodes
 from bpn_learner.evaluations import Evaluations
 from bpn_learner.export import export
-from bpn_learner.group import ALONE, Group, GroupLostError
-from bpn_learner.handout import hand_out
+from bpn_learner.group import SINGLE_PROCESS, Group, GroupLostError
+from bpn_learner.handout import broadcast_state
 from bpn_learner.history import History
 from bpn_learner.ledger import EpisodeLedger
 from bpn_learner.rendezvous import Rendezvous
@@ -24,8 +24,8 @@ from bpn_learner.replay import ReplayMemory
 from bpn_learner.storage import StorageStopped, insist
 from bpn_learner.transitions import EpisodeData, Transitions
 from bpn_learner.update import (
-    PolicyUpdate,
-    Regression,
+    RegressionBatch,
+    UpdateConfig,
     UpdateReport,
     UpdateStopped,
     policy_update,
@@ -86,7 +86,7 @@ class Training:
         self._network, self._optimizer, self._done = self._history.load_policy()
         self._evaluations, self._counters = evaluations, counters or Counters()
         self.ended_early = ""
-        self._memory = ReplayMemory(config.datasets, config.replay_transitions)  # D
+        self._memory = ReplayMemory(config.replay_iterations, config.replay_transitions)  # D
 
     def run(self) -> bool:
         """Trains to the last iteration.
@@ -269,7 +269,7 @@ class Training:
             self._network,
             self._optimizer,
             D,
-            PolicyUpdate.of_iteration(self._config, iteration),
+            UpdateConfig.of_iteration(self._config, iteration),
             shuffle_generator(self._config.seed, iteration),
             gather=lambda regression: self._gathered(iteration, regression),
             progress=progress,
@@ -277,13 +277,13 @@ class Training:
         )
 
     @contextlib.contextmanager
-    def _gathered(self, iteration: int, regression: Regression) -> Iterator[Group]:
+    def _gathered(self, iteration: int, regression: RegressionBatch) -> Iterator[Group]:
         """The learners that share the update, once all of them know what it is."""
         if self._rendezvous is None:
-            yield ALONE
+            yield SINGLE_PROCESS
             return
         with self._rendezvous.gathered() as group:
-            hand_out(group, self._network, self._optimizer, regression, iteration)
+            broadcast_state(group, self._network, self._optimizer, regression, iteration)
             yield group
             self._exchange_s = group.exchange_s
 

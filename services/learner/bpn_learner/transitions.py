@@ -129,11 +129,11 @@ class Transitions:
         return type(self)(**tensors)
 
     def gather(self, stacks: Tensor) -> Tensor:
-        """Observations of frame indices, see `gathered`."""
-        return gathered(self.frames, stacks)
+        """Observations of frame indices, see `gather_observations`."""
+        return gather_observations(self.frames, stacks)
 
 
-def gathered(frames: Tensor, stacks: Tensor) -> Tensor:
+def gather_observations(frames: Tensor, stacks: Tensor) -> Tensor:
     """Observations of frame indices int64[n, frames_stacked] into uint8[m, c, 84, 84].
 
     Returns:

@@ -16,17 +16,19 @@ from bpn_shared.messages.control import (
     NextEpisode,
 )
 from bpn_shared.messages.episode import Episode, EpisodeMeta, decode_meta
-from bpn_shared.spec.config import Policy, RunConfig
+from bpn_shared.spec.algorithms import EPSILON_GREEDY, SOFTMAX
+from bpn_shared.spec.config import RunConfig
 from bpn_shared.spec.seeds import episode_seed
 
 EVALUATION = 2**31
 """Trials have this or more in the place of the iteration, so that none is an episode of the training."""
 
-POLICIES: dict[str, tuple[Policy, float]] = {
-    "greedy": ("epsilon_greedy", 0.0),
-    "random": ("epsilon_greedy", 1.0),
-    "softmax": ("softmax", 0.0),
+POLICIES: dict[str, tuple[str, float]] = {
+    "greedy": (EPSILON_GREEDY, 0.0),
+    "random": (EPSILON_GREEDY, 1.0),
+    "softmax": (SOFTMAX, 0.0),
 }
+"""Selection and epsilon; every edge has them, whatever a run's algorithm is."""
 
 
 class Everybody:

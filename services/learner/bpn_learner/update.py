@@ -2,25 +2,25 @@
 
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager, nullcontext
-from dataclasses import dataclass
-from typing import Self
+from dataclasses import dataclass, field
+from typing import Any, Self
 
 import numpy as np
 import torch
 from torch import Tensor
 
 from bpn_learner.calibrate import reestimate_batch_norm
-from bpn_learner.cvi import NO_FLOOR, cvi_gap, cvi_target, dqn_target
-from bpn_learner.group import ALONE, Group
+from bpn_learner.cvi import NO_FLOOR
+from bpn_learner.group import SINGLE_PROCESS, Group
 from bpn_learner.minibatch import minibatch_gradients
-from bpn_learner.n_step import n_step
 from bpn_learner.networks import BinaryNetwork, PNetwork
 from bpn_learner.policy_metrics import agreement, entropy
-from bpn_learner.transitions import Transitions, gathered
-from bpn_shared.spec.algorithms import UpdateKind
-from bpn_shared.spec.config import Engine, RunConfig
+from bpn_learner.targets import TargetInputs, target_values
+from bpn_learner.transitions import Transitions, gather_observations
+from bpn_shared.spec.config import RunConfig
+from bpn_shared.spec.sections import Backend
 
 EVALUATION_BATCH = 256
 SCALE_RATE_FACTOR = 3.0
@@ -41,37 +41,39 @@ class DivergenceError(ArithmeticError):
 
 
 @dataclass(frozen=True, slots=True)
-class PolicyUpdate:
+class UpdateConfig:
     """Table I of the paper, and what it leaves open.
 
     Attributes:
         epochs: C.
-        batch: B, at least 2.
-        target: "cvi" (BPN, CVI, DPP) or "dqn" (BQN, DQN).
-        mask_terminals: no bootstrap from terminal states; Algorithm 1 as printed bootstraps from every s'.
+        batch_size: B, at least 2.
+        target: the targets' plug-in, such as "cvi" (BPN, CVI, DPP) or "dqn" (BQN, DQN).
+        options: the algorithm's own.
+        bootstrap_terminals: from terminal states too, as Algorithm 1 as printed does from every s'.
         relative_targets: y less its mean over D, see `targets`.
         n_step: steps that a target adds up.
         gap_floor: of CVI's gap, see `cvi_target`.
         max_updates: optimizer steps at most; 0: C epochs.
         learning_rate_share: of the optimizer's learning rate, in this update's first epoch.
-        learning_rate_final: of that, in the last epoch; in between it falls along a cosine.
-        engine: what computes the minibatches' gradients, see `minibatch_gradients`.
+        lr_update_final_factor: of that, in the last epoch; in between it falls along a cosine.
+        backend: what computes the minibatches' gradients, see `minibatch_gradients`.
     """
 
     alpha: float = 0.95
     beta: float = 1.0
     gamma: float = 0.99
     epochs: int = 50
-    batch: int = 32
-    target: UpdateKind = "cvi"
-    mask_terminals: bool = False
+    batch_size: int = 32
+    target: str = "cvi"
+    options: Mapping[str, Any] = field(default_factory=dict)
+    bootstrap_terminals: bool = True
     relative_targets: bool = False
     n_step: int = 1
     gap_floor: float = NO_FLOOR
     max_updates: int = 0
     learning_rate_share: float = 1.0
-    learning_rate_final: float = 1.0
-    engine: Engine = "fast"
+    lr_update_final_factor: float = 1.0
+    backend: Backend = "native"
 
     @classmethod
     def of_iteration(cls, config: RunConfig, iteration: int) -> Self:
@@ -81,21 +83,22 @@ class PolicyUpdate:
             beta=config.beta,
             gamma=config.gamma,
             epochs=config.epochs,
-            batch=config.batch,
-            target=config.algorithm_spec.update,
-            mask_terminals=config.mask_terminals,
+            batch_size=config.batch_size,
+            target=config.algorithm_spec.targets,
+            options=config.own_options,
+            bootstrap_terminals=config.bootstrap_terminals,
             relative_targets=config.relative_targets,
             n_step=config.n_step,
             gap_floor=config.gap_floor or NO_FLOOR,
             max_updates=config.max_updates,
             learning_rate_share=config.learning_rate_share(iteration),
-            learning_rate_final=config.learning_rate_final,
-            engine=config.engine,
+            lr_update_final_factor=config.lr_update_final_factor,
+            backend=config.backend,
         )
 
 
 @dataclass(frozen=True, eq=False)
-class Regression:
+class RegressionBatch:
     """What the minibatches of an update fit P to.
 
     Attributes:
@@ -111,7 +114,7 @@ class Regression:
     y: Tensor
 
 
-Gather = Callable[[Regression], AbstractContextManager[Group]]
+Gather = Callable[[RegressionBatch], AbstractContextManager[Group]]
 """Finds the learners that share an update, and tells them what to fit."""
 
 
@@ -160,10 +163,10 @@ def policy_update(
     network: PNetwork,
     optimizer: torch.optim.Optimizer,
     transitions: Transitions,
-    settings: PolicyUpdate,
+    settings: UpdateConfig,
     rng: np.random.Generator,
     *,
-    gather: Gather = lambda _: nullcontext(ALONE),
+    gather: Gather = lambda _: nullcontext(SINGLE_PROCESS),
     progress: Callable[[int, int], None] | None = None,
     stop: Callable[[], bool] | None = None,
 ) -> UpdateReport:
@@ -189,7 +192,9 @@ def policy_update(
     transitions = transitions.to(device)
     P_target, P_next = target_preferences(network, transitions)
     y, offset = targets(transitions, P_target, P_next, settings, float(network.offset))
-    regression = Regression(transitions.frames, transitions.observations, transitions.actions, y)
+    regression = RegressionBatch(
+        transitions.frames, transitions.observations, transitions.actions, y
+    )
     with gather(regression) as group:
         losses = fit(
             network, optimizer, regression, settings, rng, group=group, progress=progress, stop=stop
@@ -198,7 +203,7 @@ def policy_update(
     network.offset.fill_(offset)
 
     if isinstance(network, BinaryNetwork):
-        observations = gathered(transitions.frames, transitions.observations)
+        observations = gather_observations(transitions.frames, transitions.observations)
         reestimate_batch_norm(network, observations, EVALUATION_BATCH)
     return UpdateReport(
         loss_first=losses[0],
@@ -223,11 +228,11 @@ def _agreement(network: PNetwork, transitions: Transitions, P_target: Tensor) ->
 def fit(
     network: PNetwork,
     optimizer: torch.optim.Optimizer,
-    regression: Regression,
-    settings: PolicyUpdate,
+    regression: RegressionBatch,
+    settings: UpdateConfig,
     rng: np.random.Generator,
     *,
-    group: Group = ALONE,
+    group: Group = SINGLE_PROCESS,
     progress: Callable[[int, int], None] | None = None,
     stop: Callable[[], bool] | None = None,
 ) -> list[float]:
@@ -236,11 +241,11 @@ def fit(
     Returns:
         The mean loss of every epoch.
     """
-    B, size = settings.batch, len(regression.actions)
+    B, size = settings.batch_size, len(regression.actions)
     minibatches = minibatches_per_epoch(size, B)
-    observations = gathered(regression.frames, regression.observations)
+    observations = gather_observations(regression.frames, regression.observations)
     gradients = minibatch_gradients(
-        settings.engine, network, observations, regression.actions, regression.y, group=group
+        settings.backend, network, observations, regression.actions, regression.y, group=group
     )
     losses: list[float] = []
 
@@ -266,25 +271,25 @@ def fit(
     return losses
 
 
-def updates_of(settings: PolicyUpdate, size: int) -> int:
+def updates_of(settings: UpdateConfig, size: int) -> int:
     """Optimizer steps of an update over D of that size."""
-    updates = settings.epochs * minibatches_per_epoch(size, settings.batch)
+    updates = settings.epochs * minibatches_per_epoch(size, settings.batch_size)
     return min(updates, settings.max_updates) if settings.max_updates else updates
 
 
-def annealing(epoch: int, settings: PolicyUpdate) -> float:
+def annealing(epoch: int, settings: UpdateConfig) -> float:
     """The learning rate's factor in an epoch, see `annealed`."""
     return annealed(epoch, settings.epochs, settings)
 
 
-def annealed(done: int, count: int, settings: PolicyUpdate) -> float:
+def annealed(done: int, count: int, settings: UpdateConfig) -> float:
     """The learning rate's factor in one of `count` parts: a cosine from `learning_rate_share` down.
 
     Binary weights keep flipping as long as the rate is high. What the last flips leave is the policy that
     the robots run, so they have to become few before an update ends.
     """
     progress = done / max(1, count - 1)
-    final = settings.learning_rate_final
+    final = settings.lr_update_final_factor
     cosine = final + (1 - final) * (1 + math.cos(math.pi * progress)) / 2
     return settings.learning_rate_share * cosine
 
@@ -331,19 +336,17 @@ def targets(
     transitions: Transitions,
     P_target: Tensor,
     P_next: Tensor,
-    settings: PolicyUpdate,
+    settings: UpdateConfig,
     offset: float = 0.0,
 ) -> tuple[Tensor, float]:
     """Target y of every transition in D from P-(s, .) and P-(s', .), and what the next P leaves out.
 
     With `relative_targets` the network learns y less its mean over D, as in relative value iteration (White,
     1963), and the mean becomes the offset c that all its preferences lack. Added to all of P-, c only adds gamma c
-    to CVI's y and DQN's, so no policy changes. What changes is that the values' common offset, which a reward of
-    one sign lets grow by about E[r] every iteration, need not be expressed by a network that has no bias and
-    +-N steps of lambda for offset and differences together. Beside relative values a terminal's 0 is -c.
-
-    Over n steps c adds gamma^n c, and n is smaller at an episode's end: what is learned is y - gamma c, so that
-    the network sees no difference between sums of several lengths.
+    to CVI's y and DQN's (targets of one's own have to see to that), so no policy changes. What changes is that the
+    values' common offset, which a reward of one sign lets grow by about E[r] every iteration, need not be
+    expressed by a network that has no bias and +-N steps of lambda for offset and differences together. Beside
+    relative values a terminal's 0 is -c.
 
     Args:
         offset: c of P-.
@@ -352,33 +355,12 @@ def targets(
         y: float32[n].
         offset: c of the network that learns y; 0 without `relative_targets`.
     """
-    done = transitions.done if settings.mask_terminals else None
+    done = transitions.done if not settings.bootstrap_terminals else None
     reward, gamma = transitions.rewards, settings.gamma
-    discount: float | Tensor = gamma
-    if settings.n_step > 1:
-        correction = None
-        if settings.target == "cvi":
-            gap, floored = cvi_gap(
-                P_target, transitions.actions, beta=settings.beta, floor=settings.gap_floor
-            )
-            correction = gap - settings.alpha * floored
-        steps = n_step(reward, transitions.steps_left, settings.n_step, gamma, correction)
-        c = offset
-        if settings.relative_targets and done is None:
-            c = float(reward.mean()) / (1 - gamma)  # no end pins values: begins where they will be
-        P_next, discount = P_next[steps.last], steps.discount
-        done = None if done is None else done[steps.last]
-        reward = (
-            steps.reward + (discount - gamma) * c
-        )  # sums of several lengths, of the same offset
-    if settings.target == "dqn":
-        y = dqn_target(reward, P_next, gamma=discount, done=done, terminal=-offset)
-    else:
-        y = cvi_target(
-            reward, P_target, transitions.actions, P_next,
-            alpha=settings.alpha, beta=settings.beta, gamma=discount, done=done, terminal=-offset,
-            floor=settings.gap_floor,
-        )  # fmt: skip
+    data = TargetInputs(
+        reward, transitions.actions, P_target, P_next, done, -offset, transitions.steps_left
+    )
+    y = target_values(settings.target, data, settings)
     if not settings.relative_targets:
         return y, 0.0
     mean = y.mean()

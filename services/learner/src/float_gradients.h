@@ -8,28 +8,26 @@
 namespace bpn {
 namespace {
 
-constexpr float kMaxPixel = 255;  // conv1's weights are divided by it in place of the pixels
-
 // The weights in the layouts that the products read. Padding stays zero.
 inline void take_weights(const Geometry& geometry, const float* from, const Workspace& work) {
-  for (int l = 0; l < kLayers; ++l) {
+  for (int l = 0; l < geometry.count; ++l) {
     const Layer& layer = geometry.layers[l];
-    const int inputs = geometry.true_fan_in(l);
-    for (int n = 0; n < layer.outputs; ++n, from += inputs) {
-      float* weights = work.weights[l] + n * layer.fan_in();
-      for (int k = 0; k < inputs; ++k) weights[k] = l == 0 ? from[k] / kMaxPixel : from[k];
+    const int fan_in = layer.fan_in();
+    for (int n = 0; n < layer.outputs; ++n, from += layer.true_fan_in()) {
+      float* weights = work.weights[l] + n * fan_in;
+      // conv1's weights are divided by the largest pixel in place of the pixels
+      each_input(layer, [&](int k, int to) { weights[to] = l == 0 ? from[k] / kMaxPixel : from[k]; });
       if (work.transposed[l])
-        for (int k = 0; k < inputs; ++k) work.transposed[l][k * layer.width + n] = weights[k];
+        for (int k = 0; k < fan_in; ++k) work.transposed[l][k * layer.width + n] = weights[k];
       if (l == 0)
-        for (int k = 0; k < inputs; ++k)
-          work.pixel_weights[(k / kTogether * kConv1Outputs + n) * kTogether + k % kTogether] = weights[k];
+        for (int k = 0; k < fan_in; ++k) work.pixel_weights[together_at<kTogether>(layer, n, k)] = weights[k];
     }
   }
 }
 
 // x = max(o + bias, 0), o [n][width]; padding of the width gives 0.
 inline void rectify(int n, const Layer& l, const float* o, const float* biases, float* x) {
-  float bias[kMaxNodes] = {};
+  float bias[kMaxOutputs] = {};
   std::memcpy(bias, biases, sizeof(float) * l.outputs);
   for (int i = 0; i < n; ++i, o += l.width, x += l.width)
     for (int c = 0; c < l.width; ++c) {
@@ -40,7 +38,7 @@ inline void rectify(int n, const Layer& l, const float* o, const float* biases, 
 
 // g, the gradient of x, becomes that of o; its sums over n are the biases'.
 inline void rectify_back(int n, const Layer& l, const float* x, float* g, float* d_biases) {
-  float sums[kMaxNodes] = {};
+  float sums[kMaxOutputs] = {};
   for (int i = 0; i < n; ++i, g += l.width, x += l.width)
     for (int c = 0; c < l.width; ++c) {
       g[c] = x[c] > 0 ? g[c] : 0;
@@ -52,7 +50,7 @@ inline void rectify_back(int n, const Layer& l, const float* x, float* g, float*
 inline void float_gradients(const Geometry& geometry, const Batch& batch, const FloatParameters& in,
                             const Workspace& work, FloatGradients& out) {
   const Layer* layers = geometry.layers;
-  const int B = batch.size, last = kLayers - 1;
+  const int B = batch.size, last = geometry.count - 1;
   take_weights(geometry, in.weights, work);
 
   const Layer& conv1 = layers[0];

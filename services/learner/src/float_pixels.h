@@ -11,9 +11,9 @@
 namespace bpn {
 namespace {
 
-constexpr int kTogether = kLanes > kConv1Outputs ? kLanes / kConv1Outputs : 1;     // inputs in a vector
-constexpr int kConv1Vectors = kLanes < kConv1Outputs ? kConv1Outputs / kLanes : 1;  // of the outputs
-constexpr int kFloatColumns = kConv1Vectors > 1 ? 4 : 10;                           // divides conv1's 20
+constexpr int kTogether = kLanes > kTogetherOutputs ? kLanes / kTogetherOutputs : 1;     // inputs in a vector
+constexpr int kConv1Vectors = kLanes < kTogetherOutputs ? kTogetherOutputs / kLanes : 1;  // of the outputs
+constexpr int kFloatColumns = kConv1Vectors > 1 ? 4 : 10;  // positions at a time; divides the paper's 20
 
 // kTogether neighbouring inputs, again and again.
 inline Floats repeated(const float* inputs) {
@@ -26,28 +26,39 @@ inline Floats repeated(const float* inputs) {
 #endif
 }
 
-inline void convolve_floats(const Layer& l, const float* image, const float* pixel_weights, float* o) {
-  for (int y = 0; y < l.size; ++y)
-    for (int x = 0; x < l.size; x += kFloatColumns) {
-      Floats sums[kFloatColumns][kConv1Vectors] = {};
-      const float* patch = image + y * l.step_y + x * l.step_x;
-      const float* w = pixel_weights;
-      for (int i = 0; i < l.rows; ++i)
-        for (int k = 0; k < l.run; k += kTogether, w += kConv1Vectors * kLanes)
-          each<kFloatColumns>([&](auto c) INLINE_LAMBDA {
-            const Floats inputs = repeated(patch + i * l.row_stride + c * l.step_x + k);
-            each<kConv1Vectors>([&](auto v) INLINE_LAMBDA { sums[c][v] += inputs * load(w + v * kLanes); });
-          });
-      each<kFloatColumns>([&](auto c) INLINE_LAMBDA {
-        float lanes[kConv1Vectors * kLanes];
-        each<kConv1Vectors>([&](auto v) INLINE_LAMBDA { store(lanes + v * kLanes, sums[c][v]); });
-        float* to = o + (y * l.size + x + c) * kConv1Outputs;
-        for (int n = 0; n < kConv1Outputs; ++n) {
-          to[n] = lanes[n * kTogether];
-          for (int j = 1; j < kTogether; ++j) to[n] += lanes[n * kTogether + j];
-        }
+// Eight outputs at so many neighbouring positions.
+template <int Columns>
+inline void convolve_floats_at(const Layer& l, const float* patch, const float* w, float* o) {
+  Floats sums[Columns][kConv1Vectors] = {};
+  for (int i = 0; i < l.rows; ++i)
+    for (int k = 0; k < l.run; k += kTogether, w += kConv1Vectors * kLanes)
+      each<Columns>([&](auto c) INLINE_LAMBDA {
+        const Floats inputs = repeated(patch + i * l.row_stride + c * l.step_x + k);
+        each<kConv1Vectors>([&](auto v) INLINE_LAMBDA { sums[c][v] += inputs * load(w + v * kLanes); });
       });
+  each<Columns>([&](auto c) INLINE_LAMBDA {
+    float lanes[kConv1Vectors * kLanes];
+    each<kConv1Vectors>([&](auto v) INLINE_LAMBDA { store(lanes + v * kLanes, sums[c][v]); });
+    float* to = o + c * l.width;
+    for (int n = 0; n < kTogetherOutputs; ++n) {
+      to[n] = lanes[n * kTogether];
+      for (int j = 1; j < kTogether; ++j) to[n] += lanes[n * kTogether + j];
     }
+  });
+}
+
+inline void convolve_floats(const Layer& l, const float* image, const float* pixel_weights, float* o) {
+  const int block = l.rows * ((l.run + kTogether - 1) / kTogether) * kTogether * kTogetherOutputs;
+  for (int first = 0; first < l.width; first += kTogetherOutputs, pixel_weights += block)
+    for (int y = 0; y < l.size; ++y)
+      for (int x = 0; x < l.size;) {
+        const float* patch = image + y * l.step_y + x * l.step_x;
+        float* to = o + (y * l.size + x) * l.width + first;
+        const bool many = l.size - x >= kFloatColumns;
+        if (many) convolve_floats_at<kFloatColumns>(l, patch, pixel_weights, to);
+        else convolve_floats_at<1>(l, patch, pixel_weights, to);
+        x += many ? kFloatColumns : 1;
+      }
 }
 
 }  // namespace

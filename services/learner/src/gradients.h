@@ -15,24 +15,24 @@ inline float sign_of(float x) { return x >= 0 ? 1.0f : -1.0f; }
 // Sign(w) in the layouts that the products read. Padding stays zero.
 inline void take_signs(const Geometry& geometry, const Parameters& in, const Workspace& work) {
   const float* latent = in.latent;
-  for (int l = 0; l < kLayers; ++l) {
+  for (int l = 0; l < geometry.count; ++l) {
     const Layer& layer = geometry.layers[l];
-    const int inputs = geometry.true_fan_in(l), fan_in = layer.fan_in();
-    for (int n = 0; n < layer.outputs; ++n, latent += inputs) {
+    const int fan_in = layer.fan_in();
+    for (int n = 0; n < layer.outputs; ++n, latent += layer.true_fan_in()) {
       float* signs = work.weights[l] + n * fan_in;
-      for (int k = 0; k < inputs; ++k) signs[k] = sign_of(latent[k]);
+      each_input(layer, [&](int from, int to) { signs[to] = sign_of(latent[from]); });
       if (work.transposed[l])
-        for (int k = 0; k < inputs; ++k) work.transposed[l][k * layer.width + n] = signs[k];
+        for (int k = 0; k < fan_in; ++k) work.transposed[l][k * layer.width + n] = signs[k];
       if (l == 0)
-        for (int k = 0; k < inputs; ++k)
-          work.pixel_signs[k / 8 * 64 + n * 8 + k % 8] = static_cast<int8_t>(signs[k]);
+        for (int k = 0; k < fan_in; ++k)
+          work.pixel_signs[together_at<kTogetherPixels>(layer, n, k)] = static_cast<int8_t>(signs[k]);
     }
   }
 }
 
 inline void take_norms(const Geometry& geometry, const Parameters& in, const Workspace& work) {
   int first = 0;
-  for (int l = 0; l < kNorms; ++l) {
+  for (int l = 0; l < geometry.norms(); ++l) {
     const int outputs = geometry.layers[l].outputs;
     std::memcpy(work.gamma[l], in.gamma + first, sizeof(float) * outputs);
     std::memcpy(work.beta[l], in.beta + first, sizeof(float) * outputs);
@@ -50,7 +50,7 @@ inline void give_latent(const Geometry& geometry, const float* latent, const Wor
 inline void gradients(const Geometry& geometry, const Batch& batch, const Parameters& in,
                       const Workspace& work, Gradients& out) {
   const Layer* layers = geometry.layers;
-  const int B = batch.size, last = kLayers - 1;
+  const int B = batch.size, last = geometry.count - 1;
   take_signs(geometry, in, work);
   take_norms(geometry, in, work);
 
@@ -66,9 +66,9 @@ inline void gradients(const Geometry& geometry, const Batch& batch, const Parame
   const Loss loss =
       take_loss(layers[last], batch, std::exp(in.log_scale), work.outputs[last], work.gradients[last]);
   out.loss = loss.mean, out.log_scale = loss.log_scale;
-  float padded_gamma[kMaxNodes], padded_beta[kMaxNodes];
+  float padded_gamma[kMaxOutputs], padded_beta[kMaxOutputs];
   int first = 0;
-  for (int l = 0; l < kNorms; ++l) first += layers[l].outputs;
+  for (int l = 0; l < geometry.norms(); ++l) first += layers[l].outputs;
   for (int l = last; l >= 0; --l) {
     const Layer& layer = layers[l];
     if (l < last) {

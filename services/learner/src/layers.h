@@ -10,7 +10,7 @@ namespace {
 // Outputs of layer l >= 1 from its inputs.
 inline void layer_outputs(const Geometry& geometry, int B, const Workspace& work, int l) {
   const Layer& layer = geometry.layers[l];
-  if (layer.size > 1) convolve(layer, B, work.inputs[l], work.transposed[l], work.outputs[l]);
+  if (!layer.connected) convolve(layer, B, work.inputs[l], work.transposed[l], work.outputs[l]);
   else connect(layer, B, work.inputs[l], work.weights[l], work.outputs[l]);
 }
 
@@ -27,7 +27,7 @@ inline void layer_gradients(const Geometry& geometry, const Batch& batch, const 
     return;
   }
   const float* x = work.inputs[l];
-  if (layer.size == 1) add_weight_gradients(layer, 1, B, layer.image, x, g, dw);  // one row of B patches
+  if (layer.connected) add_weight_gradients(layer, 1, B, layer.image, x, g, dw);  // one row of B patches
   else
     for (int b = 0; b < B; ++b)
       add_weight_gradients(layer, layer.size, layer.size, layer.step_x, x + b * layer.image, g + b * values, dw);
@@ -51,15 +51,44 @@ inline Loss take_loss(const Layer& last, const Batch& batch, float scale, const 
   return {static_cast<float>(loss / batch.total), static_cast<float>(scale_gradient / batch.total)};
 }
 
+// The neighbours that a patch's row has in the weight vector too: all of it, or the channels of one position.
+struct Runs {
+  int count, length, step;
+
+  explicit Runs(const Layer& layer) : count(1), length(layer.run), step(layer.run) {
+    if (layer.in_channels < layer.in_width)
+      count = layer.columns(), length = layer.in_channels, step = layer.in_width;
+  }
+};
+
+// Calls f(value's index in the weight vector's row, as stored) for every input of a dot product.
+template <class F>
+inline void each_input(const Layer& layer, F&& f) {
+  const Runs runs(layer);
+  int from = 0;
+  for (int i = 0; i < layer.rows; ++i)
+    for (int j = 0; j < runs.count; ++j)
+      for (int c = 0; c < runs.length; ++c, ++from) f(from, i * layer.run + j * runs.step + c);
+}
+
+// Where conv1's weight of output n and stored input k lies in [eight outputs][row][together][output][input].
+template <int Together>
+inline int together_at(const Layer& layer, int n, int k) {
+  constexpr int N = kTogetherOutputs;
+  const int groups = (layer.run + Together - 1) / Together, row = k / layer.run, column = k % layer.run;
+  return (((n / N * layer.rows + row) * groups + column / Together) * N + n % N) * Together + column % Together;
+}
+
 // Calls f(layer, where it begins in the weight vector, gradients, how many) for every run of the vector.
 template <class F>
 inline void each_run(const Geometry& geometry, const Workspace& work, F&& f) {
-  for (int l = 0, at = 0; l < kLayers; ++l) {
+  for (int l = 0, at = 0; l < geometry.count; ++l) {
     const Layer& layer = geometry.layers[l];
-    const int run = l == kLayers - 1 ? geometry.run5 : layer.run;
+    const Runs runs(layer);
     for (int n = 0; n < layer.outputs; ++n)
-      for (int i = 0; i < layer.rows; ++i, at += run)
-        f(l, at, work.weight_gradients[l] + (n * layer.rows + i) * padded(layer.run), run);
+      for (int i = 0; i < layer.rows; ++i)
+        for (int j = 0; j < runs.count; ++j, at += runs.length)
+          f(l, at, work.weight_gradients[l] + (n * layer.rows + i) * padded(layer.run) + j * runs.step, runs.length);
   }
 }
 

@@ -49,22 +49,22 @@ struct FloatGradients {
 };
 
 // Scratch. For layer l: weights (binarized: their signs) [width][fan_in]; transposed [fan_in][width] of the
-// convolutions 2 and 3; inputs x_l [image][position][channel] from layer 2 on; outputs o_l (binarized: normalized
+// convolutions from the second on; inputs x_l [image][position][channel] from layer 2 on; outputs o_l (binarized: normalized
 // by batch norm), and the gradient of o_l, both [image][position][width]; the gradient of the weights
 // [width][rows][padded run].
 struct Workspace {
-  float* weights[kLayers];
-  float* transposed[kLayers];
-  float* inputs[kLayers];
-  float* outputs[kLayers];
-  float* gradients[kLayers];
-  float* weight_gradients[kLayers];
-  float* norm_scale[kNorms];  // 1 / sqrt(var + epsilon), [width]
-  float* gamma[kNorms];       // padded with zeros
-  float* beta[kNorms];
-  int8_t* pixel_signs;        // conv1's, [row][eight inputs][output][input]
-  float* pixel_weights;       // float: conv1's, [row][inputs][output][input] with as many inputs as fit a vector
-  float* image;               // float: one image
+  float* weights[kMaxLayers];
+  float* transposed[kMaxLayers];
+  float* inputs[kMaxLayers];
+  float* outputs[kMaxLayers];
+  float* gradients[kMaxLayers];
+  float* weight_gradients[kMaxLayers];
+  float* norm_scale[kMaxLayers];  // 1 / sqrt(var + epsilon), [width]
+  float* gamma[kMaxLayers];       // padded with zeros
+  float* beta[kMaxLayers];
+  int8_t* pixel_signs;        // conv1's, [eight outputs][row][eight inputs][output][input], zero beyond a row's
+  float* pixel_weights;       // float: the same with as many inputs as fit a vector
+  float* image;               // float: one image, and zeros behind it
 };
 
 using Minibatch = void(const Geometry&, const Batch&, const Parameters&, const Workspace&, Gradients&);

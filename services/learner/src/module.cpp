@@ -1,11 +1,13 @@
 // The Python side of the minibatch kernel: bpn_learner._native.
 #include <nanobind/nanobind.h>
 #include <nanobind/ndarray.h>
+#include <nanobind/stl/array.h>
 #include <nanobind/stl/optional.h>
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/vector.h>
 
 #include <algorithm>
+#include <array>
 #include <cstring>
 #include <memory>
 #include <new>
@@ -49,27 +51,30 @@ const Path& find(const std::string& path) {
   throw nb::value_error(("this machine cannot run the path " + path).c_str());
 }
 
-int checked(const char* name, int value, int high) {
-  if (value >= 1 && value <= high) return value;
-  throw nb::value_error(
-      (std::string(name) + " = " + std::to_string(value) + " is outside 1.." + std::to_string(high)).c_str());
+using Sizes = std::array<int, 5>;  // in_size, in_channels, kernel, stride, outputs
+
+Geometry geometry_of(const std::vector<Sizes>& layers) {
+  std::vector<LayerShape> shapes;
+  for (const auto& [in_size, in_channels, kernel, stride, outputs] : layers)
+    shapes.push_back({in_size, in_channels, kernel, stride, outputs});
+  const int count = static_cast<int>(shapes.size());
+  if (!Geometry::is_chain(shapes.data(), count)) throw nb::value_error("the layers are those of no network");
+  return Geometry(shapes.data(), count);
 }
 
 // What both kinds of network need: the geometry's scratch, and the minibatch as pointers into D.
 class Scratch {
  public:
-  Scratch(const std::string& path, int channels, int nodes, int actions)
-      : path_(find(path)),
-        geometry_(checked("channels", channels, kMaxChannels), checked("nodes", nodes, kMaxNodes),
-                  checked("actions", actions, kMaxActions)) {
-    for (int l = 0; l < kLayers; ++l) {
+  Scratch(const std::string& path, const std::vector<Sizes>& layers)
+      : path_(find(path)), geometry_(geometry_of(layers)) {
+    for (int l = 0; l < geometry_.count; ++l) {
       const Layer& layer = geometry_.layers[l];
-      weights_ += size_t(layer.outputs) * geometry_.true_fan_in(l);
-      if (l < kNorms) norms_ += layer.outputs;
+      weights_ += size_t(layer.outputs) * layer.true_fan_in();
+      if (l < geometry_.norms()) norms_ += layer.outputs;
       biases_ += layer.outputs;
       work_.weights[l] = fixed_.floats(size_t(layer.width) * layer.fan_in());
       work_.weight_gradients[l] = fixed_.floats(size_t(layer.width) * layer.rows * padded(layer.run));
-      const bool transposed = l > 0 && layer.size > 1;
+      const bool transposed = l > 0 && !layer.connected;
       work_.transposed[l] = transposed ? fixed_.floats(size_t(layer.width) * layer.fan_in()) : nullptr;
     }
     padded_image_ = static_cast<uint8_t*>(fixed_.bytes(size_t(geometry_.layers[0].image) + kSlack));
@@ -84,9 +89,12 @@ class Scratch {
              Exchange exchange = {}) {
     const Layer& conv1 = geometry_.layers[0];
     const size_t n = observations.shape(0), B = batch.shape(0);
-    if (observations.shape(1) != kImagePx || observations.shape(2) != kImagePx ||
-        observations.shape(3) * kImagePx != size_t(conv1.row_stride))
-      throw nb::value_error("observations have not the network's shape uint8[n, 84, 84, C]");
+    const size_t size = conv1.row_stride / conv1.in_channels, channels = conv1.in_channels;
+    if (observations.shape(1) != size || observations.shape(2) != size || observations.shape(3) != channels) {
+      const std::string px = std::to_string(size);
+      throw nb::value_error(("observations have not the network's shape uint8[n, " + px + ", " + px + ", " +
+                             std::to_string(channels) + "]").c_str());
+    }
     if (actions.shape(0) != n || targets.shape(0) != n)
       throw nb::value_error("observations, actions and targets have different lengths");
     if (total < 1 || size_t(total) < B) throw nb::value_error("a minibatch needs at least 1 transition");
@@ -95,7 +103,7 @@ class Scratch {
       const int64_t i = batch.data()[b];
       if (i < 0 || size_t(i) >= n) throw nb::index_error("the minibatch names a transition outside D");
       actions_[b] = actions.data()[i];
-      if (actions_[b] < 0 || actions_[b] >= geometry_.layers[kNorms].outputs)
+      if (actions_[b] < 0 || actions_[b] >= geometry_.layers[geometry_.count - 1].outputs)
         throw nb::index_error("an action is outside the network's");
       images_[b] = observations.data() + size_t(i) * conv1.image;
       targets_[b] = targets.data()[i];
@@ -104,6 +112,11 @@ class Scratch {
     }
     reserve(std::max(B, size_t(1)));
     return {int(B), images_.data(), actions_.data(), targets_.data(), total, exchange};
+  }
+
+  // Values of conv1's weights where up to eight inputs of a row lie together.
+  static size_t together_size(const Layer& conv1) {
+    return size_t(padded(conv1.width)) * conv1.rows * (conv1.run + kTogetherPixels);
   }
 
   static void check_sizes(bool fit) {
@@ -121,7 +134,7 @@ class Scratch {
     if (B <= capacity_) return;
     capacity_ = B;
     images_memory_ = Arena();
-    for (int l = 0; l < kLayers; ++l) {
+    for (int l = 0; l < geometry_.count; ++l) {
       const Layer& layer = geometry_.layers[l];
       const size_t values = B * layer.positions() * layer.width;
       work_.outputs[l] = images_memory_.floats(values);
@@ -156,16 +169,15 @@ class PythonExchange {
 
 class Kernel : Scratch {
  public:
-  Kernel(const std::string& path, int channels, int nodes, int actions)
-      : Scratch(path, channels, nodes, actions) {
-    for (int l = 0; l < kNorms; ++l) {
+  Kernel(const std::string& path, const std::vector<Sizes>& layers) : Scratch(path, layers) {
+    for (int l = 0; l < geometry_.norms(); ++l) {
       const int width = geometry_.layers[l].width;
       work_.norm_scale[l] = fixed_.floats(width);
       work_.gamma[l] = fixed_.floats(width);
       work_.beta[l] = fixed_.floats(width);
     }
     const Layer& conv1 = geometry_.layers[0];
-    work_.pixel_signs = static_cast<int8_t*>(fixed_.bytes(size_t(conv1.width) * conv1.fan_in()));
+    work_.pixel_signs = static_cast<int8_t*>(fixed_.bytes(together_size(conv1)));
   }
 
   nb::tuple gradients(const Array<const uint8_t, 4>& observations, const Array<const int64_t, 1>& batch,
@@ -189,11 +201,10 @@ class Kernel : Scratch {
 
 class FloatKernel : Scratch {
  public:
-  FloatKernel(const std::string& path, int channels, int nodes, int actions)
-      : Scratch(path, channels, nodes, actions) {
+  FloatKernel(const std::string& path, const std::vector<Sizes>& layers) : Scratch(path, layers) {
     const Layer& conv1 = geometry_.layers[0];
-    work_.pixel_weights = fixed_.floats(size_t(conv1.width) * conv1.fan_in());
-    work_.image = fixed_.floats(conv1.image);
+    work_.pixel_weights = fixed_.floats(together_size(conv1));
+    work_.image = fixed_.floats(size_t(conv1.image) + kBlock);
   }
 
   float gradients(const Array<const uint8_t, 4>& observations, const Array<const int64_t, 1>& batch,
@@ -225,9 +236,9 @@ NB_MODULE(_native, module) {
   nb::set_leak_warnings(false);  // a kernel that is still held when the interpreter ends is no leak
   module.def("available_paths", &bpn::available_paths);
   nb::class_<bpn::Kernel>(module, "Kernel")
-      .def(nb::init<const std::string&, int, int, int>())
+      .def(nb::init<const std::string&, const std::vector<bpn::Sizes>&>())
       .def("gradients", &bpn::Kernel::gradients);
   nb::class_<bpn::FloatKernel>(module, "FloatKernel")
-      .def(nb::init<const std::string&, int, int, int>())
+      .def(nb::init<const std::string&, const std::vector<bpn::Sizes>&>())
       .def("gradients", &bpn::FloatKernel::gradients);
 }

@@ -26,7 +26,7 @@ inline void normalize(const Batch& batch, const Layer& layer, float* o, const fl
                       float* norm_scale, float* s) {
   const int n = batch.size * layer.positions(), width = layer.width;
   const double total = double(batch.total) * layer.positions();
-  double sums[2 * kMaxNodes];  // of the values, of their squares
+  double sums[2 * kMaxOutputs];  // of the values, of their squares
   for (int c = 0; c < width; c += 8) {
     EightDoubles sum = {}, squares = {};
     for (int i = 0; i < n; ++i) {
@@ -62,7 +62,7 @@ inline void normalize_back(const Batch& batch, const Layer& layer, float* g, con
                            float* d_beta) {
   const int n = batch.size * layer.positions(), width = layer.width;
   const double total = double(batch.total) * layer.positions();
-  double sums[2 * kMaxNodes];  // of what passes Sign, of its products with the normalized values
+  double sums[2 * kMaxOutputs];  // of what passes Sign, of its products with the normalized values
   for (int c = 0; c < width; c += 8) {
     const Eight a = loaded<Eight>(gamma + c), b = loaded<Eight>(beta + c);
     EightDoubles sum = {}, products = {};

@@ -13,7 +13,7 @@ namespace {
 
 // Sums of eight outputs. `add` takes eight neighbouring pixels and their signs [output][input].
 #if defined(__AVX512VNNI__)
-constexpr int kColumns = 10;  // positions at a time; divides conv1's 20
+constexpr int kColumns = 10;  // positions at a time; divides the paper's 20
 struct Sums {
   __m512i pairs = _mm512_setzero_si512();  // two sums of four products for each output
 
@@ -21,7 +21,7 @@ struct Sums {
     const __m512i x = _mm512_set1_epi64(loaded<int64_t>(pixels));
     pairs = _mm512_dpbusd_epi32(pairs, x, _mm512_loadu_si512(signs));
   }
-  void store_to(float* o) const {
+  void store_to(float* o) {
     const __m256i even = _mm512_cvtepi64_epi32(pairs);
     const __m256i odd = _mm512_cvtepi64_epi32(_mm512_srli_epi64(pairs, 32));
     _mm256_storeu_ps(o, _mm256_cvtepi32_ps(_mm256_add_epi32(even, odd)));
@@ -41,7 +41,7 @@ struct Sums {
     low = _mm256_add_epi32(low, dot(x, signs));
     high = _mm256_add_epi32(high, dot(x, signs + 32));
   }
-  void store_to(float* o) const {
+  void store_to(float* o) {
     const __m256i mixed = _mm256_hadd_epi32(low, high);
     _mm256_storeu_ps(o, _mm256_cvtepi32_ps(_mm256_permute4x64_epi64(mixed, 0xd8)));
   }
@@ -52,34 +52,52 @@ struct Sums {
   using Shorts = int16_t __attribute__((vector_size(16)));
   using Pixels = uint8_t __attribute__((vector_size(8)));
   using Signs = int8_t __attribute__((vector_size(8)));
-  Shorts lanes[kConv1Outputs] = {};  // at most 8 kernel rows x 16 channels x 255 = 32640 in a lane
+  static constexpr int kMost = 32767 / kMaxPixel;  // products that fit a lane
+  Shorts lanes[kTogetherOutputs] = {};
+  int sums[kTogetherOutputs] = {}, added = 0;
 
   void add(const uint8_t* pixels, const int8_t* signs) {
+    if (added++ == kMost) empty(), added = 1;
     const Shorts x = __builtin_convertvector(loaded<Pixels>(pixels), Shorts);
-    for (int n = 0; n < kConv1Outputs; ++n)
+    for (int n = 0; n < kTogetherOutputs; ++n)
       lanes[n] += x * __builtin_convertvector(loaded<Signs>(signs + 8 * n), Shorts);
   }
-  void store_to(float* o) const {
-    for (int n = 0; n < kConv1Outputs; ++n) {
-      int sum = 0;
-      for (int i = 0; i < 8; ++i) sum += lanes[n][i];
-      o[n] = static_cast<float>(sum);
+  void empty() {
+    for (int n = 0; n < kTogetherOutputs; ++n) {
+      for (int i = 0; i < 8; ++i) sums[n] += lanes[n][i];
+      lanes[n] = Shorts{};
     }
+  }
+  void store_to(float* o) {
+    empty();
+    for (int n = 0; n < kTogetherOutputs; ++n) o[n] = static_cast<float>(sums[n]);
   }
 };
 #endif
 
+// Eight outputs at so many neighbouring positions.
+template <int Columns>
+inline void convolve_pixels_at(const Layer& l, const uint8_t* patch, const int8_t* w, float* o) {
+  Sums sums[Columns];
+  for (int i = 0; i < l.rows; ++i)
+    for (int k = 0; k < l.run; k += kTogetherPixels, w += kTogetherPixels * kTogetherOutputs)
+      for (int c = 0; c < Columns; ++c) sums[c].add(patch + i * l.row_stride + c * l.step_x + k, w);
+  for (int c = 0; c < Columns; ++c) sums[c].store_to(o + c * l.width);
+}
+
 inline void convolve_pixels(const Layer& l, const uint8_t* image, const int8_t* signs, float* o) {
-  for (int y = 0; y < l.size; ++y)
-    for (int x = 0; x < l.size; x += kColumns) {
-      Sums sums[kColumns];
-      const uint8_t* patch = image + y * l.step_y + x * l.step_x;
-      const int8_t* w = signs;
-      for (int i = 0; i < l.rows; ++i)
-        for (int k = 0; k < l.run; k += 8, w += 8 * kConv1Outputs)
-          for (int c = 0; c < kColumns; ++c) sums[c].add(patch + i * l.row_stride + c * l.step_x + k, w);
-      for (int c = 0; c < kColumns; ++c) sums[c].store_to(o + (y * l.size + x + c) * kConv1Outputs);
-    }
+  const int groups = (l.run + kTogetherPixels - 1) / kTogetherPixels;
+  const int block = l.rows * groups * kTogetherPixels * kTogetherOutputs;
+  for (int first = 0; first < l.width; first += kTogetherOutputs, signs += block)
+    for (int y = 0; y < l.size; ++y)
+      for (int x = 0; x < l.size;) {
+        const uint8_t* patch = image + y * l.step_y + x * l.step_x;
+        float* to = o + (y * l.size + x) * l.width + first;
+        const bool many = l.size - x >= kColumns;
+        if (many) convolve_pixels_at<kColumns>(l, patch, signs, to);
+        else convolve_pixels_at<1>(l, patch, signs, to);
+        x += many ? kColumns : 1;
+      }
 }
 
 }  // namespace

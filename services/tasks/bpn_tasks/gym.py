@@ -15,7 +15,7 @@ _PRESET: dict[str, Any] = {
     "frames_stacked": 2,
     "frame_skip": 1,
     # Of whatever unit rewards are, and episodes end for good or bad: the usual treatment of terminals.
-    "mask_terminals": True,
+    "bootstrap_terminals": False,
     "reward_scale": 1.0,
     "steps": 200,
 }
@@ -25,16 +25,16 @@ _PRESETS: dict[str, dict[str, Any]] = {
     "gym:CartPole-v1": {
         "actions": 2,
         "frame_skip": 3,
-        "nodes": 256,
+        "hidden_units": 256,
         "alpha": 0.9,
         "gamma": 0.9,
         "iterations": 30,
         "episodes": 60,
         "steps": 100,
         "epochs": 10,
-        "datasets": 6,
+        "replay_iterations": 6,
         "learning_rate": 3e-3,
-        "learning_rate_last": 0.1,
+        "lr_run_final_factor": 0.1,
         "scale_initial": 0.05,
         "reward_scale": 0.6,
         "relative_targets": True,

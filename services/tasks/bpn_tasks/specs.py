@@ -32,10 +32,10 @@ def reaching() -> TaskSpec:
         success_reward=-REACHING_TARGET_RADIUS_PX,
         preset={
             "steps": 20,
-            "nodes": 256,
+            "hidden_units": 256,
             "reward_scale": 0.1,
             "relative_targets": True,
-            "learning_rate_last": 0.05,
+            "lr_run_final_factor": 0.05,
         },
     )
 
@@ -57,10 +57,10 @@ def tracking() -> TaskSpec:
         success="not_terminated",
         preset={
             "steps": 40,
-            "nodes": 256,
+            "hidden_units": 256,
             "reward_scale": 0.2,
             "relative_targets": True,
-            "learning_rate_last": 0.05,
+            "lr_run_final_factor": 0.05,
         },
     )
 
@@ -86,13 +86,13 @@ def pan_tilt() -> TaskSpec:
         control_period_s=CONTROL_PERIOD_S,
         success="not_terminated",
         preset={
-            "nodes": 100,
+            "hidden_units": 100,
             "alpha": 0.95,
             "beta": 3.0,
             "iterations": 150,
             "steps": 80,
             "reward_scale": 0.1,
             "relative_targets": True,
-            "learning_rate_last": 0.05,
+            "lr_run_final_factor": 0.05,
         },
     )

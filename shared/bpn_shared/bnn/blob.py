@@ -103,7 +103,9 @@ class WeightBlob:
         shape it is that of all versions of this program: C, N, |A|, lambda, and schema 1's signs and thresholds.
         """
         digest = hashlib.sha256(
-            struct.pack("<HHHf", self.spec.channels, self.spec.nodes, self.spec.actions, self.scale)
+            struct.pack(
+                "<HHHf", self.spec.channels, self.spec.hidden_units, self.spec.actions, self.scale
+            )
         )
         if not self.spec.is_paper_shape:
             digest.update(_shape_bytes(self.spec))

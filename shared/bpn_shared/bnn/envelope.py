@@ -139,8 +139,10 @@ class Envelope:
 
     def _open_older(self, data: bytes) -> Opened:
         self._check_room(data, self._older.size)
-        _, _, channels, nodes, actions, run, attempt, version, own = self._older.unpack_from(data)
-        spec = _spec(channels, nodes, actions)
+        _, _, channels, hidden_units, actions, run, attempt, version, own = self._older.unpack_from(
+            data
+        )
+        spec = _spec(channels, hidden_units, actions)
         return Opened(Header(spec, UUID(bytes=run), attempt, version, own), 1, self._older.size)
 
     def _open_newest(self, data: bytes) -> Opened:
@@ -175,11 +177,11 @@ class Envelope:
 
 def _spec(
     channels: int,
-    nodes: int,
+    hidden_units: int,
     actions: int,
     **shape: tuple[Convolution, ...] | tuple[int, ...] | int,
 ) -> NetworkSpec:
     try:
-        return NetworkSpec(channels, nodes, actions, **shape)  # type: ignore[arg-type]
+        return NetworkSpec(channels, hidden_units, actions, **shape)  # type: ignore[arg-type]
     except ValueError as error:
         raise BlobError(f"impossible geometry: {error}") from error

@@ -66,7 +66,7 @@ class FloatWeights:
     def content_sha256(self) -> str:
         """SHA-256 (hex) of what the policy computes: geometry and model, not run, attempt and version."""
         digest = hashlib.sha256(
-            struct.pack("<HHH", self.spec.channels, self.spec.nodes, self.spec.actions)
+            struct.pack("<HHH", self.spec.channels, self.spec.hidden_units, self.spec.actions)
         )
         digest.update(self.model)
         return digest.hexdigest()

@@ -44,11 +44,11 @@ def onnx_model(spec: NetworkSpec, weights: Sequence[Floats], biases: Sequence[Fl
         kernels = weights[index]
         if index > 0:
             append("Relu")
-        if layer.out_size > 1:
-            append("Conv", *names, strides=[layer.stride] * 2)
-        else:
+        if layer.is_fully_connected:
             append("Flatten")
             append("Gemm", *names, transB=1)
+        else:
+            append("Conv", *names, strides=[layer.stride] * 2)
         kernels = kernels.reshape(constant_shapes(spec)[names[0]])
         constants += map(numpy_helper.from_array, (kernels, biases[index]), names)
     graph = helper.make_graph(
@@ -69,7 +69,7 @@ def constant_shapes(spec: NetworkSpec) -> dict[str, tuple[int, ...]]:
     shapes: dict[str, tuple[int, ...]] = {}
     for index, layer in enumerate(spec.layers):
         kernels = (layer.out_channels, layer.in_channels, layer.kernel, layer.kernel)
-        shapes[f"weights{index}"] = kernels if layer.out_size > 1 else layer.weight_shape
+        shapes[f"weights{index}"] = layer.weight_shape if layer.is_fully_connected else kernels
         shapes[f"biases{index}"] = (layer.out_channels,)
     return shapes
 

@@ -5,7 +5,7 @@ from typing import Annotated, ClassVar, Literal
 from pydantic import Field, Strict
 
 from bpn_shared.messages.base import ULONG, Message
-from bpn_shared.spec.config import Policy
+from bpn_shared.spec.algorithms import SOFTMAX, PluginName
 
 Count = Annotated[int, Field(ge=0, lt=2**32)]
 Seed = Annotated[int, Field(ge=0, lt=ULONG)]
@@ -60,7 +60,8 @@ class Assignment(Message):
     seed: Seed = 0
     weights_attempt: Count = 0
     weights_version: Count = 0
-    policy: Policy = "softmax"
+    policy: PluginName = SOFTMAX
+    """What draws the actions, a plug-in of bpn.selections."""
     epsilon: Annotated[float, Field(ge=0, le=1)] = 0.0
     """Of the epsilon-greedy policy: 0 plays greedily, 1 at random."""
 

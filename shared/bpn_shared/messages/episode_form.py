@@ -14,7 +14,7 @@ from pydantic import Field, ValidationError
 
 from bpn_shared.messages.base import Message, MessageError, check_size, unpack_map
 from bpn_shared.messages.control import Count, Seed, WorkerId
-from bpn_shared.spec.config import MAX_STEPS
+from bpn_shared.spec.sections import MAX_STEPS
 
 SCHEMA = 3
 MAX_BYTES = 48 * 1024 * 1024

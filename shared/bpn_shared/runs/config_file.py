@@ -1,23 +1,29 @@
-"""config.json: the configuration of a run, with its schema, who wrote it and a digest.
+"""config.json: the configuration of a run in sections, with its schema, who wrote it and a digest.
 
-Schema 1 was the values alone; in schema 2 the task was a name, and there were neither callbacks nor warm starts.
-Each older schema is migrated to the next one, step by step, and what a file does not say is what the program did
-that wrote it, never what is the default today.
+Schema 1 was the values alone; in schema 2 the task was a name, and there were neither callbacks nor warm starts;
+up to schema 3 all values stood beside each other, some under other names, and the algorithm was a name. The same
+bytes are what a run's learner tells its workers.
 """
 
-from collections.abc import Callable
+import hashlib
+import json
 from typing import Any
 
 from bpn_shared.errors import InputError
+from bpn_shared.runs.config_migrations import MIGRATIONS
 from bpn_shared.runs.digests import DamagedError, seal, unseal
+from bpn_shared.spec.algorithms import AlgorithmSpec
 from bpn_shared.spec.config import ConfigError, RunConfig
-from bpn_shared.spec.installed import task_spec
+from bpn_shared.spec.renamed import renamed
+from bpn_shared.spec.sections import LEARNED, SECTIONS
 from bpn_shared.spec.tasks import TaskOptions
 from bpn_shared.version import VERSION, written_by
 
-SCHEMA = 3
+SCHEMA = 4
 
 _REMEDY = "put the file back as it was, or start a new run with the values that you want"
+_SHOWN = {"title", "plot", "preset"}
+"""Of a task's specification: what people see, and what a run began with."""
 
 
 class OtherConfigVersionError(ConfigError):
@@ -26,9 +32,41 @@ class OtherConfigVersionError(ConfigError):
 
 def encode_config(config: RunConfig) -> bytes:
     """The bytes of config.json."""
-    return seal(
-        {"schema": SCHEMA, "written_by": written_by(), "config": config.model_dump(mode="json")}
+    return seal({"schema": SCHEMA, "written_by": written_by(), **sections(config)})
+
+
+def sections(config: RunConfig) -> dict[str, dict[str, Any]]:
+    """The configuration as config.json has it, by section."""
+    algorithm = config.algorithm_spec.model_dump(mode="json")
+    of = {
+        name: config.model_dump(mode="json", include=set(values.model_fields))
+        for name, values in SECTIONS.items()
+    }
+    del of["algorithm"]["algorithm_options"]
+    of["algorithm"] = algorithm | of["algorithm"] | {"options": config.own_options}
+    return {"task": config.task_spec.model_dump(mode="json"), **of}
+
+
+_LATER = {"algorithm": ("n_step", "gap_floor"), "training": ("replay_transitions", "max_updates")}
+"""Values that came after runs had a hash: their defaults are what was done before."""
+
+
+def config_hash(config: RunConfig) -> str:
+    """SHA-256 of what is learned: equal for runs that differ in their execution alone.
+
+    A value of the task that is its field's default is left out, as is one that came later, so that it changes no hash.
+    """
+    learned: dict[str, Any] = {name: sections(config)[name] for name in LEARNED}
+    learned["task"] = config.task_spec.model_dump(
+        mode="json", exclude=_SHOWN, exclude_defaults=True
     )
+    for shown in ("title", "preset", "fixed"):
+        del learned["algorithm"][shown]
+    for section, later in _LATER.items():
+        for name in later:
+            if learned[section][name] == RunConfig.model_fields[name].default:
+                del learned[section][name]
+    return hashlib.sha256(json.dumps(learned, sort_keys=True).encode()).hexdigest()
 
 
 def decode_config(data: bytes, *, source: str) -> RunConfig:
@@ -40,12 +78,14 @@ def decode_config(data: bytes, *, source: str) -> RunConfig:
     """
     document = _document(data, source)
     schema = _schema(document, source)
-    values = document if schema == 1 else document.get("config")
-    if not isinstance(values, dict):
+    values = _values(document, schema)
+    if values is None:
         raise ConfigError(f"{source}: it has no values; {_REMEDY}")
     for older in range(schema, SCHEMA):
-        values = _migrated(older, values, f"{source}: schema {schema}")
-    values = _AS_PRINTED | values
+        try:
+            values = MIGRATIONS[older](values)
+        except InputError as error:
+            raise ConfigError(f"{source}: schema {schema} {error}; {_REMEDY}") from error
     unknown = values.keys() - RunConfig.model_fields.keys()
     if unknown and schema > 1:
         raise OtherConfigVersionError(
@@ -61,10 +101,11 @@ def raw_config(data: bytes) -> dict[str, Any]:
     """The values as they stand in the file, whatever wrote it, for showing; {} if they cannot be read."""
     try:
         document = _document(data, "")
+        schema = document.get("schema", 1)
+        values = _values(document, schema if type(schema) is int else SCHEMA)
     except ConfigError:
         return {}
-    values = document.get("config", document)
-    return values if isinstance(values, dict) else {}
+    return renamed(values or {})
 
 
 def config_writer(data: bytes) -> dict[str, Any]:
@@ -84,6 +125,42 @@ def config_schema(data: bytes) -> int:
         return SCHEMA + 1
     except ConfigError:
         return SCHEMA
+
+
+def _values(document: dict[str, Any], schema: int) -> dict[str, Any] | None:
+    """The values of a document, flat, under the names of its schema; None: it has none."""
+    if schema < 4:
+        found = document if schema == 1 else document.get("config")
+        return found if isinstance(found, dict) else None
+    parts = {name: document.get(name) for name in ("task", *SECTIONS)}
+    if not all(isinstance(part, dict) for part in parts.values()):
+        return None
+    task, algorithm = dict(parts.pop("task") or {}), dict(parts.pop("algorithm") or {})
+    values = _of_task(task) | _of_algorithm(algorithm)
+    for part in parts.values():
+        values |= part or {}
+    return values
+
+
+def _of_task(spec: dict[str, Any]) -> dict[str, Any]:
+    """What follows from the specification, which is more than that: `RunConfig` fills it in again."""
+    of_gym = spec.get("gym")
+    told = spec | {"actions": len(spec.get("action_names") or ())}
+    told |= of_gym if isinstance(of_gym, dict) else {}
+    options = {name: told[name] for name in _TASK_OPTIONS if name in told}
+    return options | {"task": spec.get("name"), "task_spec": spec}
+
+
+def _of_algorithm(section: dict[str, Any]) -> dict[str, Any]:
+    values = {name: v for name, v in section.items() if name not in AlgorithmSpec.model_fields}
+    own = values.pop("options", None)
+    if isinstance(own, dict):
+        values["algorithm_options"] = json.dumps(own, sort_keys=True) if own else ""
+    spec = {name: v for name, v in section.items() if name in AlgorithmSpec.model_fields}
+    return values | {"algorithm": spec.get("name"), "algorithm_spec": spec}
+
+
+_TASK_OPTIONS = tuple(TaskOptions.model_fields)
 
 
 def _document(data: bytes, source: str) -> dict[str, Any]:
@@ -109,101 +186,3 @@ def _whose(document: dict[str, Any]) -> str:
     writer = document.get("written_by")
     version = writer.get("version", "?") if isinstance(writer, dict) else "?"
     return f"written by bpn {version}; this is bpn {VERSION}: use the version that wrote it"
-
-
-_BEFORE_SCHEMA_2: dict[str, Any] = {
-    # The defaults of schema 1, and for what its first programs did not have yet, what they did.
-    "algorithm": "bpn",
-    "seed": 0,
-    "frame_channels": 0,
-    "frames_stacked": 0,
-    "frame_skip": 0,
-    "actions": 0,
-    "iterations": 50,
-    "episodes": 10,
-    "steps": 20,
-    "epochs": 50,
-    "batch": 32,
-    "datasets": 3,
-    "alpha": 0.95,
-    "beta": 1.0,
-    "gamma": 0.99,
-    "mask_terminals": False,
-    "relative_targets": False,
-    "epsilon_initial": 1.0,
-    "epsilon_final": 0.05,
-    "nodes": 100,
-    "learning_rate": 1e-3,
-    "learning_rate_final": 1.0,
-    "learning_rate_last": 1.0,
-    "scale_initial": 0.2,
-    "reward_scale": 0.1,
-    "engine": "plain",
-    "learners": 1,
-    "device": "cpu",
-    "tensorboard": False,
-    "robots": 1,
-    "pacing": "lockstep",
-    "action_delay_ms": 0.0,
-}
-
-
-_AS_PRINTED: dict[str, Any] = {
-    "n_step": 1,
-    "gap_floor": 0.0,
-    "replay_transitions": 0,
-    "max_updates": 0,
-    "disturb": "",
-}
-"""Values of files from before there were these options: all off."""
-
-
-def _migrated(older: int, values: dict[str, Any], source: str) -> dict[str, Any]:
-    try:
-        return _MIGRATIONS[older](values)
-    except InputError as error:
-        raise ConfigError(f"{source} tells the task by its name: {error}") from error
-
-
-def _from_1(values: dict[str, Any]) -> dict[str, Any]:
-    return _BEFORE_SCHEMA_2 | values
-
-
-BEFORE_SCHEMA_3: dict[str, Any] = {
-    "init_from": "",
-    "evaluate_every": 0,
-    "evaluate_episodes": 10,
-    "stop_when": "",
-    "callbacks": "",
-    "env_kwargs": "",
-    "env_wrappers": "",
-    "frames_from": "auto",
-    "observation_key": "",
-    "crop": "",
-    "max_over_frames": 1,
-    "difference": False,
-    "action_bins": 0,
-}
-"""Values of files from before there were these options: all off."""
-
-
-def _from_2(values: dict[str, Any]) -> dict[str, Any]:
-    name = values.get("task")
-    if not isinstance(name, str):
-        raise InputError(f"task = {name!r} is no name; {_REMEDY}")
-    return BEFORE_SCHEMA_3 | values | {"task_spec": task_spec(name, _task_options(values))}
-
-
-def _task_options(values: dict[str, Any]) -> TaskOptions:
-    """Of an impossible one, what the task has: it is refused for itself."""
-    found: dict[str, Any] = {}
-    for name in TaskOptions.model_fields:
-        if name in values:
-            try:
-                found |= TaskOptions.model_validate({name: values[name]}).model_dump(include={name})
-            except ValueError:
-                continue
-    return TaskOptions(**found)
-
-
-_MIGRATIONS: dict[int, Callable[[dict[str, Any]], dict[str, Any]]] = {1: _from_1, 2: _from_2}

@@ -56,6 +56,8 @@ class Removed(BaseModel):
     at_unix_s: Annotated[float, Field(allow_inf_nan=False)]
     until_unix_s: Annotated[float, Field(allow_inf_nan=False)]
     """From then on it is deleted for good when the trash is next looked through."""
+    size_bytes: Annotated[int, Field(ge=0)] | None = None
+    """Of its files, as it was removed; None: that is not written down."""
 
 
 class Trash:
@@ -164,12 +166,25 @@ class Trash:
 
     def _note(self, run: str, by: str) -> Removed:
         removed = self._removed(run, by, time.time())
+        removed = removed.model_copy(update={"size_bytes": self._size_bytes(run)})
         data = seal(removed.model_dump(exclude={"run"}))
         try:
             write_atomically(self.path / f"{run}.json", data, root=self._runs_dir)
         except OSError as error:  # as on a full disk; the run is removed all the same
             log.warning("who removed run %s is not written down: %s", run, one_line(error))
         return removed
+
+    def _size_bytes(self, run: str) -> int | None:
+        try:
+            with self._opened() as (_, trash):
+                return sum(
+                    os.stat(name, dir_fd=folder, follow_symlinks=False).st_size
+                    for _, _, names, folder in os.fwalk(run, dir_fd=trash, onerror=_raise)
+                    for name in names
+                )
+        except OSError as error:
+            log.warning("how large run %s is cannot be told: %s", run, one_line(error))
+            return None
 
     def _unlink_note(self, run: str) -> None:
         with self._opened() as (_, trash), contextlib.suppress(FileNotFoundError):
@@ -210,6 +225,10 @@ class Trash:
         if run in folder_names(self._runs_dir):
             return f"run {run} is not in the trash: it is where it was"
         return f"there is no run {run}, and none in the trash"
+
+
+def _raise(error: OSError) -> None:
+    raise error
 
 
 def _move(run: str, source: int, target: int, occupied: str) -> None:

@@ -62,7 +62,7 @@ def _check_shape(said: str, config: RunConfig, other: RunConfig) -> None:
 
 def _shape(config: RunConfig) -> str:
     network = config.network
-    return f"{network.channels} channels x {network.nodes} nodes x {network.actions} actions"
+    return f"{network.channels} channels x {network.hidden_units} hidden units x {network.actions} actions"
 
 
 def _version(checkpoint: bytes) -> int:

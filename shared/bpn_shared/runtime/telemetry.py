@@ -71,7 +71,7 @@ def _percentiles(values_us: npt.NDArray[np.float64]) -> Percentiles:
     return Percentiles(count=len(values_us), p50_us=p50, p95_us=p95, p99_us=p99, max_us=top)
 
 
-class WeightsMarks:
+class WeightsTimeline:
     """The newest weights that were published, loaded, made the running ones, and when."""
 
     def __init__(self) -> None:
@@ -132,7 +132,7 @@ class Reporter:
         waiting: Waiting,
         counters: Counters,
         latencies: Latencies,
-        weights: WeightsMarks,
+        weights: WeightsTimeline,
         certificate: Callable[[], Life | None] = lambda: None,
     ) -> None:
         self._kind, self._worker, self._place = kind, worker, place

@@ -16,8 +16,9 @@ from bpn_shared.bus.session import Bus
 from bpn_shared.bus.telemetry import TelemetryPublisher
 from bpn_shared.counters import Counters
 from bpn_shared.messages.lease import Role
+from bpn_shared.runs.config_file import decode_config
 from bpn_shared.runtime.ask import OnRefusal, ask
-from bpn_shared.runtime.telemetry import Latencies, Place, Reporter, WeightsMarks
+from bpn_shared.runtime.telemetry import Latencies, Place, Reporter, WeightsTimeline
 from bpn_shared.spec.config import ConfigError, RunConfig
 from bpn_shared.waiting import Waiting
 
@@ -51,7 +52,7 @@ class WorkerProcess:
     counters: Counters = field(default_factory=Counters)
     waiting: Waiting = field(default_factory=Waiting)
     latencies: Latencies = field(default_factory=Latencies)
-    weights: WeightsMarks = field(default_factory=WeightsMarks)
+    weights: WeightsTimeline = field(default_factory=WeightsTimeline)
     router: RouterWatch | None = None
     holds_on_s: float | None = None
     """For how long it holds on to its place without a router; None: as long as it takes."""
@@ -178,4 +179,4 @@ def fetch_config(worker: Worker) -> RunConfig | None:
     if answer is None:
         return None
     worker.waiting.done()
-    return RunConfig.from_json(answer, source="the learner's configuration")
+    return decode_config(answer, source="the learner's configuration")

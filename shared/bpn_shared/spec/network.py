@@ -22,7 +22,7 @@ MAX_CHANNELS = 16
 MAX_CONVOLUTIONS = 6
 MAX_KERNEL = 16
 MAX_CONVOLUTION_CHANNELS = 128
-MAX_NODES = 1024
+MAX_HIDDEN_UNITS = 1024
 MAX_ACTIONS = 64
 MAX_ACTION_DIMS = 32
 MAX_WEIGHTS = 4_000_000
@@ -62,6 +62,11 @@ class Layer:
     @property
     def out_size(self) -> int:
         return (self.in_size - self.kernel) // self.stride + 1
+
+    @property
+    def is_fully_connected(self) -> bool:
+        """Whether its kernel covers all of its input."""
+        return self.kernel == self.in_size
 
     @property
     def fan_in(self) -> int:
@@ -121,7 +126,7 @@ class NetworkSpec:
 
     Args:
         channels: C, image channels of an observation (stacked frames included), 1..16.
-        nodes: N, nodes of the first fully connected layer, 1..1024.
+        hidden_units: N, units of the first fully connected layer, 1..1024.
         actions: |A|, action preferences, 2..64.
         convolutions: from the pixels on, 1..6: kernels of 1..16, strides of 1 up to the kernel, 1..128 channels.
         image_px: rows and columns of an observation, 8..128.
@@ -133,7 +138,7 @@ class NetworkSpec:
     """
 
     channels: int
-    nodes: int
+    hidden_units: int
     actions: int
     convolutions: tuple[Convolution, ...] = PAPER_CONVOLUTIONS
     image_px: int = IMAGE_SIZE_PX
@@ -141,7 +146,7 @@ class NetworkSpec:
 
     def __post_init__(self) -> None:
         _check("channels", self.channels, 1, MAX_CHANNELS)
-        _check("nodes", self.nodes, 1, MAX_NODES)
+        _check("hidden_units", self.hidden_units, 1, MAX_HIDDEN_UNITS)
         _check("actions", self.actions, 2, MAX_ACTIONS)
         _check("image_px", self.image_px, MIN_IMAGE_SIZE_PX, MAX_IMAGE_SIZE_PX)
         _check("convolutions: number of layers", len(self.convolutions), 1, MAX_CONVOLUTIONS)
@@ -158,7 +163,7 @@ class NetworkSpec:
         if self.weight_bits > MAX_WEIGHTS:
             raise ValueError(
                 f"the network has {self.weight_bits:,} weights, at most {MAX_WEIGHTS:,} are allowed: choose fewer "
-                "nodes or channels, or larger strides"
+                "hidden_units or channels, or larger strides"
             )
         if self.macs > MAX_MACS:
             raise ValueError(
@@ -191,7 +196,7 @@ class NetworkSpec:
 
         for index, convolution in enumerate(self.convolutions, 1):
             append(f"conv{index}", *convolution)
-        append("fc1", size, 1, self.nodes)
+        append("fc1", size, 1, self.hidden_units)
         append("fc2", 1, 1, self.actions)
         return tuple(layers)
 
@@ -228,7 +233,7 @@ class NetworkSpec:
         return sum(layer.out_channels * layer.fan_in for layer in self.layers)
 
     def __str__(self) -> str:
-        sizes = f"C={self.channels}, N={self.nodes}, |A|={self.actions}"
+        sizes = f"C={self.channels}, N={self.hidden_units}, |A|={self.actions}"
         if len(self.action_dims) > 1:
             sizes += f" ({'+'.join(map(str, self.action_dims))})"
         if self.convolutions != PAPER_CONVOLUTIONS:

@@ -156,9 +156,9 @@ class TaskSpec(BaseModel):
     def frame_shape(self) -> tuple[int, int, int]:
         return self.frame_channels, IMAGE_SIZE_PX, IMAGE_SIZE_PX
 
-    def network(self, nodes: int) -> NetworkSpec:
-        """The geometry of this task's policy with N = nodes."""
-        return NetworkSpec(self.frame_channels * self.frames_stacked, nodes, self.actions)
+    def network(self, hidden_units: int) -> NetworkSpec:
+        """The geometry of this task's policy with N = hidden_units."""
+        return NetworkSpec(self.frame_channels * self.frames_stacked, hidden_units, self.actions)
 
     def options(self) -> dict[str, Any]:
         """What `TaskOptions` say of this task."""

@@ -76,7 +76,7 @@ def as_it_is(**changes: Any) -> Callable[[], TaskSpec]:
     (as_it_is(plot="bar"), "plot 'bar' (bars:rewards of bars 1.0) is broken: it is function, no Plot"),
     (as_it_is(preset={"stepz": 9}), "preset: stepz = 9: unknown; one of: task, "),
     (as_it_is(preset={"steps": 0}), "preset: steps = 0: Input should be greater than or equal to 1"),
-    (as_it_is(preset={"steps": 0, "nodes": 0}), "= 0: Input should be greater than or equal to 1; nodes = 0"),
+    (as_it_is(preset={"steps": 0, "hidden_units": 0}), "greater than or equal to 1; hidden_units = 0"),
     (as_it_is(preset={"task": "bars"}), "preset has task, which its name says already"),
     (as_it_is(preset={"gamma": float("nan")}), "preset has nan, which is not finite"),
     (as_it_is(preset={"frames_stacked": 2}), "frames_stacked = 2: task 'bars' has 1; leave it out"),

@@ -175,7 +175,7 @@ def test_characters_that_a_terminal_lacks_are_spelled(command: Command) -> None:
     ascii_only = {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}
     done = ended(command("train", "--help"), **ascii_only)
     assert done.returncode == 0
-    assert "nodes of FC(N) (>= 1, <= 1024)" in " ".join(done.stdout.split())
+    assert "hidden units, of FC(N) (>= 1, <= 1024)" in " ".join(done.stdout.split())
     show = "from bpn.terminal import spare_encoding; spare_encoding(); print('1 \\xb1 2 \\xfc \\u20ac')"
     assert ended([sys.executable, "-c", show], **ascii_only).stdout == "1 +- 2 ? ?\n"
 

@@ -17,7 +17,6 @@ from bpn.evaluation.outcome import Outcome, distinct_trials, outcome, summarize
 from bpn.evaluation.shown import shown
 from bpn_shared.messages.episode import Episode, EpisodeMeta
 from bpn_shared.runs.success import share, success_of
-from bpn_shared.spec.algorithms import AlgorithmName
 from bpn_shared.spec.config import RunConfig
 
 TRACKING = RunConfig.for_task("tracking")
@@ -158,7 +157,7 @@ def test_the_same_trial_played_again_says_nothing_of_a_spread() -> None:
 
 
 @pytest.mark.parametrize("algorithm", ["bpn", "cvi", "dpp", "bqn", "dqn"])
-def test_softmax_play_of_who_trains_otherwise_says_so(algorithm: AlgorithmName) -> None:
+def test_softmax_play_of_who_trains_otherwise_says_so(algorithm: str) -> None:
     config = RunConfig.for_task("tracking", algorithm=algorithm)
     result = result_of(config, [episode([41.5, 51.5], terminated=False)], policy="softmax")
     said = any(f"softmax is not how {algorithm} trains" in one for one in shown(result, config))

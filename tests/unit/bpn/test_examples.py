@@ -21,9 +21,9 @@ SMALL = [
     "2",
     "--epochs",
     "1",
-    "--nodes",
+    "--hidden-units",
     "8",
-    "--batch",
+    "--batch-size",
     "8",
 ]
 

@@ -49,7 +49,7 @@ def test_help_without_a_task_tells_only_what_holds_for_all() -> None:
         if name == "actions":
             values.add("found out")
         assert shown[name] == (values.pop() if len(values) == 1 else "by task")
-    assert shown["nodes"] == shown["relative_targets"] == "by task"
+    assert shown["hidden_units"] == shown["relative_targets"] == "by task"
     assert common_defaults()["seed"] == 0
 
 
@@ -58,7 +58,7 @@ def test_commands_show_them(command: list[str], capsys: pytest.CaptureFixture[st
     with pytest.raises(SystemExit):
         parse([*command, "reaching", "--help"])
     said = " ".join(capsys.readouterr().out.split())
-    assert "nodes of FC(N) (≥ 1, ≤ 1024); default 256 for reaching" in said
+    assert "hidden units, of FC(N) (≥ 1, ≤ 1024); default 256 for reaching" in said
 
 
 def test_docs_say_for_which_tasks_targets_are_relative() -> None:

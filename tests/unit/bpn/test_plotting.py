@@ -59,9 +59,9 @@ def test_learning_figures_fit_for_any_algorithms_and_nodes(
 ) -> None:
     document = made(name, quick=True)
     document["runs"] = [
-        record(algorithm, nodes, seed, lost=seed)
+        record(algorithm, hidden_units, seed, lost=seed)
         for algorithm in algorithms
-        for nodes in sizes
+        for hidden_units in sizes
         for seed in range(3)
     ]
     lines = document["result"]["references"]

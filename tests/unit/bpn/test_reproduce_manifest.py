@@ -16,7 +16,7 @@ CONFIGS = st.builds(
     st.sampled_from(["reaching", "tracking", "pan_tilt"]),
     seed=st.integers(0, 2),
     alpha=st.sampled_from([0.5, 0.95]),
-    nodes=st.sampled_from([16, 100]),
+    hidden_units=st.sampled_from([16, 100]),
 )
 
 

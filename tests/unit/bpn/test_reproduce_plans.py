@@ -46,16 +46,18 @@ def test_the_first_seed_is_complete_before_the_second_begins(name: str) -> None:
 def test_learning_curves_compare_what_the_paper_compares(name: str) -> None:
     compared = Counter(config.algorithm for config in plan(name, 1))
     assert compared == {"bpn": 3, "bqn": 3, "cvi": 1, "dqn": 1}
-    sizes = {config.nodes for config in plan(name, 1) if config.algorithm == "bpn"}
-    assert RunConfig.for_task(name).nodes in sizes  # the runs that everything else talks about
-    changed = {"algorithm", "kernel", "nodes", "seed"}
+    sizes = {config.hidden_units for config in plan(name, 1) if config.algorithm == "bpn"}
+    assert (
+        RunConfig.for_task(name).hidden_units in sizes
+    )  # the runs that everything else talks about
+    changed = {"algorithm", "kernel", "hidden_units", "seed"}
     preset = RunConfig.for_task(name).model_dump(exclude=changed)
     assert all(config.model_dump(exclude=changed) == preset for config in plan(name))
 
 
 def test_pan_tilt_has_the_parameters_of_section_six() -> None:
     for config in plan("pan-tilt"):
-        assert (config.nodes, config.alpha, config.beta) == (100, 0.95, 3.0)
+        assert (config.hidden_units, config.alpha, config.beta) == (100, 0.95, 3.0)
         assert (config.iterations, config.steps) == (150, 80)
 
 
@@ -89,14 +91,14 @@ def test_fewer_algorithms_are_fewer_runs() -> None:
 
 
 def test_only_the_wanted_sizes_are_planned() -> None:
-    scope = Scope(seeds=2, algorithms=("bpn", "cvi"), nodes=(256,))
-    assert [(run.algorithm, run.nodes) for run in TARGETS["tracking"].plan(scope)] == [
+    scope = Scope(seeds=2, algorithms=("bpn", "cvi"), hidden_units=(256,))
+    assert [(run.algorithm, run.hidden_units) for run in TARGETS["tracking"].plan(scope)] == [
         ("bpn", 256),
         ("cvi", 256),
     ] * 2
-    assert {run.nodes for run in TARGETS["heatmap"].plan(scope)} == {256}
+    assert {run.hidden_units for run in TARGETS["heatmap"].plan(scope)} == {256}
 
 
 def test_a_size_that_the_target_does_not_have_is_named() -> None:
-    with pytest.raises(ConfigError, match="--nodes = 17 is none of 32, 100, 256"):
-        TARGETS["reaching"].plan(Scope(seeds=1, algorithms=("bpn",), nodes=(17,)))
+    with pytest.raises(ConfigError, match="--hidden-units = 17 is none of 32, 100, 256"):
+        TARGETS["reaching"].plan(Scope(seeds=1, algorithms=("bpn",), hidden_units=(17,)))

@@ -42,7 +42,7 @@ def test_figure_and_table_are_drawn_anew_from_the_results_alone(tmp_path: Path) 
     [
         ([], "reproduce reaching"),
         (["--seeds", "2"], "--seeds says nothing"),
-        (["--nodes", "32"], "--nodes says nothing"),
+        (["--hidden-units", "32"], "--hidden-units says nothing"),
     ],
 )
 def test_what_cannot_be_drawn_anew_is_said(
@@ -129,7 +129,7 @@ def test_where_episodes_end_early_no_iteration_is_called_the_best() -> None:
 
 def test_a_heat_map_cell_holds_a_value_of_each_seed() -> None:
     cells = heatmap.cells(made("heatmap"))
-    assert [(cell["nodes"], cell["alpha"]) for cell in cells] == [
+    assert [(cell["hidden_units"], cell["alpha"]) for cell in cells] == [
         (16, 0),
         (16, 0.95),
         (32, 0),

@@ -30,7 +30,9 @@ from bpn_shared.spec.config import RunConfig
 @pytest.fixture
 def run(store, context):
     """A run of two iterations with everything that a run has."""
-    row = store.create(RunConfig.for_task("reaching", episodes=2, steps=3, nodes=8), actor="test")
+    row = store.create(
+        RunConfig.for_task("reaching", episodes=2, steps=3, hidden_units=8), actor="test"
+    )
     folder = store.folder(row.id)
     rng = np.random.default_rng(0)
     for iteration in range(2):
@@ -251,7 +253,7 @@ def test_episodes_are_listed_and_played(client, run) -> None:
     assert [(e["episode"], e["steps"], e["episode_return"]) for e in listed["items"]] == [
         (0, 3, -1.0), (1, 3, -2.0),
     ]  # fmt: skip
-    spec = RunConfig.for_task("reaching", nodes=8).network
+    spec = RunConfig.for_task("reaching", hidden_units=8).network
     weights = replace(WeightBlob.random(spec, np.random.default_rng(0)), scale=np.float32(0.5))
     run.folder.weights_path(0).write_bytes(weights.encode())
     stored = Episode.decode(run.folder.episode_path(0, 1).read_bytes(), TASKS["reaching"])

@@ -19,13 +19,16 @@ def problem(answer: Any) -> tuple[int, str]:
     return answer.status_code, answer.json()["type"].removeprefix("urn:bpn:problem:")
 
 
-def test_removed_seen_in_the_trash_and_restored(client, client_of) -> None:
+def test_removed_seen_in_the_trash_and_restored(client, client_of, store) -> None:
     run = stopped(client)
     before = client.get(f"/api/v1/runs/{run}").json()
+    files = [path for path in store.folder(run).path.rglob("*") if path.is_file()]
+    size_bytes = sum(path.stat().st_size for path in files)
     operator, viewer = client_of("operator"), client_of("viewer")
     removed = operator.delete(f"/api/v1/runs/{run}").json()
     assert (removed["id"], removed["name"], removed["removed_by"]) == (run, "one", "operator")
     assert removed["kept_until_unix_s"] == removed["removed_at_unix_s"] + 7 * 86_400
+    assert removed["size_bytes"] == size_bytes > 1000
     assert viewer.get("/api/v1/trash").json() == {"items": [removed]}
     assert problem(client.get(f"/api/v1/runs/{run}")) == (404, "unknown-run")
     again = client.delete(f"/api/v1/runs/{run}")

@@ -1,7 +1,6 @@
 """A database of each older schema is copied before it is changed, or not changed."""
 
 import errno
-import logging
 import os
 import shutil
 import sqlite3
@@ -15,6 +14,7 @@ from alembic import command
 from alembic.config import Config
 from alembic.script import ScriptDirectory
 from disks import no_file_grows
+from logged import lines
 from sqlalchemy import create_engine
 
 from bpn.cli import main
@@ -87,7 +87,7 @@ def test_it_is_copied_as_it_was_and_said(
         [(HEAD,)],
     )
     assert copy.stat().st_mode & 0o777 == 0o600
-    (said,) = [r.getMessage() for r in caplog.records if r.levelno >= logging.WARNING]
+    (said,) = lines(caplog, Database)
     assert f"schema {revision} becomes {HEAD}; as it was it is kept in {copy}" in said
     Database(sqlite_url(file)).close()
     assert backups(file) == [copy]  # nothing was migrated
@@ -171,7 +171,7 @@ def test_what_is_no_database_is_not_copied(tmp_path: Path) -> None:
 def test_a_new_database_needs_no_copy(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     Database(sqlite_url(tmp_path / "db.sqlite")).close()
     assert backups(tmp_path / "db.sqlite") == []
-    assert caplog.records == []
+    assert lines(caplog, Database) == []
 
 
 def test_the_command_copies_a_database_in_use(tmp_path: Path, capsys: Any) -> None:

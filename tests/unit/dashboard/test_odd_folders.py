@@ -17,7 +17,7 @@ from bpn_shared.counters import Counters
 from bpn_shared.runs.folder import RunFolder
 from bpn_shared.spec.config import RunConfig
 
-CONFIG = RunConfig.for_task("reaching", seed=3, nodes=24)
+CONFIG = RunConfig.for_task("reaching", seed=3, hidden_units=24)
 GOOD, ODD = UUID(int=0xABC), UUID(int=0xDEF)
 RECORD = {"iteration": 0, "return_px": -5.0, "length": 20.0, "weights_version": 1}
 ODD_LINES = [
@@ -95,7 +95,7 @@ def test_a_run_of_a_newer_version_is_shown_as_far_as_it_can_be_and_not_given_to_
     folder = RunFolder.create(store.runs_dir, ODD, CONFIG)
     file = folder.path / "config.json"
     right = file.read_bytes()
-    newer = CONFIG.model_dump() | {"horizon": 7, "nodes": 25}
+    newer = CONFIG.model_dump() | {"horizon": 7, "hidden_units": 25}
     file.write_text(json.dumps(newer))
     (folder.path / "about.json").write_text('{"desired_state": "running", "colour": "red"}')
     (row,) = store.find() or store.index.adopt()
@@ -105,7 +105,7 @@ def test_a_run_of_a_newer_version_is_shown_as_far_as_it_can_be_and_not_given_to_
     file.write_bytes(right)
     store.adopt()
     row = store.get(row.id)
-    assert (row.config["nodes"], row.desired_state, row.error) == (24, "running", "")
+    assert (row.config["hidden_units"], row.desired_state, row.error) == (24, "running", "")
     assert store.index.unreadable() == {}
     store.update(row.id, row.rev, name="mine", actor="a")
     about = json.loads((folder.path / "about.json").read_text())

@@ -31,7 +31,7 @@ FOLDERS = ("logs", "weights", "exports", "episodes")
 
 def fill(folder: RunFolder, word: str) -> None:
     """Every file that a run has, each with a word by which it is known again."""
-    config = RunConfig.for_task("reaching", episodes=1, steps=2, nodes=8, seed=len(word))
+    config = RunConfig.for_task("reaching", episodes=1, steps=2, hidden_units=8, seed=len(word))
     return_px = b"-77.5" if word == SECRET else b"-5.5"
     line = f"2026-11-22T08:00:00.000Z learner INFO {word}\n"
     blob = WeightBlob.random(config.network, np.random.default_rng(len(word)))
@@ -70,7 +70,9 @@ def fill(folder: RunFolder, word: str) -> None:
 @pytest.fixture
 def planted(store, tmp_path) -> SimpleNamespace:
     """A run with all files, and somebody else's folder with the same ones, which tell a secret."""
-    row = store.create(RunConfig.for_task("reaching", episodes=1, steps=2, nodes=8), actor="test")
+    row = store.create(
+        RunConfig.for_task("reaching", episodes=1, steps=2, hidden_units=8), actor="test"
+    )
     folder, elsewhere = store.folder(row.id), RunFolder(tmp_path / "elsewhere" / str(UUID(int=7)))
     fill(folder, "our-own")
     fill(elsewhere, SECRET)

@@ -19,7 +19,7 @@ from bpn_dashboard.registry.workplace import ConnectedWorkers
 from bpn_shared.runs.folder import RunFolder
 from bpn_shared.spec.config import ConfigError, RunConfig
 
-CONFIG = RunConfig.for_task("reaching", seed=3, nodes=24)
+CONFIG = RunConfig.for_task("reaching", seed=3, hidden_units=24)
 
 
 def record(iteration: int, return_px: float) -> dict[str, Any]:

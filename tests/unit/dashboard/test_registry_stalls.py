@@ -2,6 +2,7 @@ import logging
 from typing import Any
 
 import pytest
+from logged import lines
 
 from bpn_dashboard.database.tables import RunRow
 from bpn_dashboard.registry.stalls import NOTHING, Stalls
@@ -16,10 +17,6 @@ BEHIND = Circumstances(queue="2 runs before it")
 def row(**more: Any) -> RunRow:
     given = {"id": "a", "state": "running", "desired_state": "running", "iteration": 0}
     return RunRow(**(given | {"config": CONFIG, "archived_at": None} | more))
-
-
-def messages(caplog: pytest.LogCaptureFixture) -> list[str]:
-    return [record.getMessage() for record in caplog.records]
 
 
 def test_a_stall_is_logged_when_it_begins_and_when_it_ends_and_shown_in_between(
@@ -38,9 +35,9 @@ def test_a_stall_is_logged_when_it_begins_and_when_it_ends_and_shown_in_between(
     ]  # fmt: skip
     assert len({columns["waiting_since"] for columns in shown}) == 1
     assert stalls.columns(row(iteration=1), Circumstances(), 50.0) == NOTHING
-    assert len(messages(caplog)) == 2
-    assert messages(caplog)[0] == "run a has made no progress for 30 s: nobody reports from it"
-    assert messages(caplog)[1].startswith("run a goes on after ")
+    assert len(lines(caplog, Stalls)) == 2
+    assert lines(caplog, Stalls)[0] == "run a has made no progress for 30 s: nobody reports from it"
+    assert lines(caplog, Stalls)[1].startswith("run a goes on after ")
 
 
 def test_a_queued_run_says_at_once_what_it_waits_for_and_its_time_begins_when_it_runs(
@@ -50,9 +47,9 @@ def test_a_queued_run_says_at_once_what_it_waits_for_and_its_time_begins_when_it
     queued = row(state="queued")
     assert stalls.columns(queued, QUEUED, 0.0)["waiting_reason"] == QUEUED.queue
     assert stalls.columns(queued, BEHIND, 100.0)["waiting_reason"] == BEHIND.queue
-    assert messages(caplog) == []  # a long queue is nothing that is wrong
+    assert lines(caplog, Stalls) == []  # a long queue is nothing that is wrong
     stalls.columns(queued, QUEUED, 101.0)
-    assert len(messages(caplog)) == 1
+    assert len(lines(caplog, Stalls)) == 1
     assert stalls.columns(row(), Circumstances(), 102.0) == NOTHING
     assert stalls.columns(row(), Circumstances(), 102.0 + STALLED_AFTER_S) != NOTHING
 

@@ -22,7 +22,7 @@ from bpn_dashboard.registry.workplace import ConnectedWorkers
 from bpn_shared.runs.folder import RunFolder
 from bpn_shared.spec.config import ConfigError, RunConfig
 
-CONFIG = RunConfig.for_task("reaching", seed=3, nodes=24)
+CONFIG = RunConfig.for_task("reaching", seed=3, hidden_units=24)
 
 
 def test_a_new_run_is_a_folder_a_row_and_an_audit_entry(
@@ -33,7 +33,9 @@ def test_a_new_run_is_a_folder_a_row_and_an_audit_entry(
     assert folder.config() == CONFIG
     assert folder.state().state == row.state == "queued"
     assert row.desired_state == "running"
-    assert store.get(row.id).config == CONFIG.model_dump(mode="json", exclude={"task_spec"})
+    assert store.get(row.id).config == CONFIG.model_dump(
+        mode="json", exclude={"task_spec", "algorithm_spec"}
+    )
     with database.reading() as session:
         (entry,) = session.query(AuditRow)
     assert (entry.actor, entry.action, entry.subject) == ("alice", "create", row.id)
@@ -107,7 +109,7 @@ def test_listeners_hear_of_every_change_once_it_is_stored(store: RunStore) -> No
 
 def test_a_sweep_makes_its_runs_or_nothing(store: RunStore) -> None:
     sweep = store.create_sweep(
-        "alphas", {"task": "reaching", "nodes": 24}, {"alpha": [0.5, 0.9]}, [1, 2, 3],
+        "alphas", {"task": "reaching", "hidden_units": 24}, {"alpha": [0.5, 0.9]}, [1, 2, 3],
         actor="a", place=ConnectedWorkers(),
     )  # fmt: skip
     rows = store.find(RunFilter(sweep_id=sweep.id))
@@ -217,10 +219,10 @@ def three(store: RunStore) -> dict[str, str]:
         (RunFilter(archived=True), set()),
         (RunFilter(config={"alpha": "0.5"}), {"two"}),
         (RunFilter(config={"alpha": ".950"}), {"Straße", "three"}),
-        (RunFilter(config={"nodes": "24", "seed": "3"}), {"Straße"}),
+        (RunFilter(config={"hidden_units": "24", "seed": "3"}), {"Straße"}),
         (RunFilter(config={"algorithm": "bqn"}), {"three"}),
-        (RunFilter(config={"mask_terminals": "false"}), {"Straße", "two", "three"}),
-        (RunFilter(config={"mask_terminals": "true"}), set()),
+        (RunFilter(config={"bootstrap_terminals": "true"}), {"Straße", "two", "three"}),
+        (RunFilter(config={"bootstrap_terminals": "false"}), set()),
     ],
 )
 def test_filters(store: RunStore, three: dict[str, str], runs: RunFilter, names: set[str]) -> None:

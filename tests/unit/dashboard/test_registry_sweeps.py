@@ -9,7 +9,7 @@ from bpn_shared.spec.config import ConfigError, RunConfig
 
 AXES = {
     "alpha": st.floats(0, 1),
-    "nodes": st.integers(1, 500),
+    "hidden_units": st.integers(1, 500),
     "algorithm": st.sampled_from(["bpn", "bqn"]),
     "task": st.sampled_from(list(TASKS)),
 }
@@ -48,7 +48,7 @@ def test_every_combination_is_there_once_and_each_is_the_preset_with_that_change
         ({}, {"seed": [1]}, [2], "the seeds are given already"),
         ({"node": 1}, {}, [], "node = 1: unknown"),
         ({"task": "flying"}, {}, [], r"task = 'flying': unknown; one of: gym:\[MODULE:\]ENVIRONMENT-ID, pan_tilt"),
-        ({}, {"nodes": list(range(1, 101)), "batch": list(range(2, 22))}, [], "2000 runs, the limit"),
+        ({}, {"hidden_units": list(range(1, 101)), "batch_size": list(range(2, 22))}, [], "2000 runs, the limit"),
     ],
 )  # fmt: skip
 def test_errors_name_key_and_value(

@@ -74,7 +74,7 @@ def test_the_code_for_any_shape_runs_the_papers_too(
 
 @settings(max_examples=200, deadline=None)
 @given(
-    spec=shapes(image_px=64, outputs=40, nodes=150),
+    spec=shapes(image_px=64, outputs=40, hidden_units=150),
     seed=st.integers(0, 2**32),
     image_kind=images,
     sign_kinds=st.lists(signs, min_size=6, max_size=6),

@@ -15,7 +15,7 @@ from bpn.verify.training import learning_rate_factors
 from bpn_learner.networks import BinaryNetwork
 from bpn_learner.transitions import EpisodeData, Transitions
 from bpn_learner.update import (
-    PolicyUpdate,
+    UpdateConfig,
     annealed,
     annealing,
     make_optimizer,
@@ -78,7 +78,7 @@ def test_targets_are_those_that_bpn_verify_computes(
 ) -> None:  # fmt: skip
     config = RunConfig.bare(
         "reaching", algorithm=algorithm, n_step=n, gap_floor=floor, relative_targets=relative,
-        mask_terminals=mask, reward_scale=1.0,
+        bootstrap_terminals=not mask, reward_scale=1.0,
     )  # fmt: skip
     offset = offset if relative else 0.0
     data = episodes(seed, lengths)
@@ -87,7 +87,7 @@ def test_targets_are_those_that_bpn_verify_computes(
         table[D.frames[which[:, 0], 0, 0, 0].long()]
         for which in (D.observations, D.next_observations)
     )
-    y, c = targets(D, P, P_next, PolicyUpdate.of_iteration(config, 0), offset)
+    y, c = targets(D, P, P_next, UpdateConfig.of_iteration(config, 0), offset)
     played = [
         Played(
             torch.from_numpy(e.frames), torch.from_numpy(e.actions), torch.from_numpy(e.rewards), e.terminated
@@ -116,7 +116,9 @@ def test_relative_targets_over_n_steps_leave_out_a_constant_alone(
         table[D.frames[which[:, 0], 0, 0, 0].long()]
         for which in (D.observations, D.next_observations)
     )
-    settings = PolicyUpdate(target=algorithm, n_step=n, mask_terminals=True, relative_targets=True)
+    settings = UpdateConfig(
+        target=algorithm, n_step=n, bootstrap_terminals=False, relative_targets=True
+    )
     y, c = targets(D, P, P_next, settings, offset)
     absolute, none = targets(
         D, P + offset, P_next + offset, replace(settings, relative_targets=False)
@@ -129,7 +131,7 @@ def test_relative_targets_over_n_steps_leave_out_a_constant_alone(
 def test_no_more_steps_than_asked_for_and_the_rate_falls_to_its_end(
     count: int, lasting: int, epochs: int
 ) -> None:
-    whole = PolicyUpdate(epochs=epochs, batch=8, learning_rate_final=0.1)
+    whole = UpdateConfig(epochs=epochs, batch_size=8, lr_update_final_factor=0.1)
     settings = replace(whole, max_updates=lasting)
     assert updates_of(settings, count) == min(updates_of(whole, count), lasting)
     steps = updates_of(settings, count)
@@ -150,7 +152,7 @@ def test_an_update_ends_within_an_epoch() -> None:
     reports = []
     for limit in (0, 7):
         network = BinaryNetwork(spec, scale_initial=0.2, generator=torch.Generator().manual_seed(0))
-        settings = PolicyUpdate(epochs=2, batch=5, max_updates=limit)
+        settings = UpdateConfig(epochs=2, batch_size=5, max_updates=limit)
         told_of: list[tuple[int, int]] = []
         report = policy_update(
             network, make_optimizer(network, 1e-3), D, settings, np.random.default_rng(1),
@@ -164,8 +166,10 @@ def test_an_update_ends_within_an_epoch() -> None:
 
 
 def test_bpn_verify_has_the_same_rates() -> None:
-    config = RunConfig.bare("reaching", batch=8, epochs=3, max_updates=10, learning_rate_final=0.1)
-    settings = PolicyUpdate.of_iteration(config, 4)
+    config = RunConfig.bare(
+        "reaching", batch_size=8, epochs=3, max_updates=10, lr_update_final_factor=0.1
+    )
+    settings = UpdateConfig.of_iteration(config, 4)
     rates = learning_rate_factors(config, 4, 40)
     assert [len(of_epoch) for of_epoch in rates] == [5, 5]
     flat = [rate for of_epoch in rates for rate in of_epoch]

@@ -5,6 +5,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 import torch
+from geometries import geometries, shapes
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -35,9 +36,15 @@ def test_moments_are_those_of_exact_arithmetic(sizes: list[int], channels: int, 
         assert var[channel] == pytest.approx(float(spread), rel=1e-14)
 
 
-@given(seed=st.integers(0, 2**32), count=st.integers(1, 7), batch=st.integers(1, 8))
-def test_the_batch_is_of_no_importance(seed: int, count: int, batch: int) -> None:
-    spec = NetworkSpec(1, 3, 2)
+@given(
+    spec=geometries([1], 3, 2) | shapes(),
+    seed=st.integers(0, 2**32),
+    count=st.integers(1, 7),
+    batch=st.integers(1, 8),
+)
+def test_the_batch_is_of_no_importance(
+    spec: NetworkSpec, seed: int, count: int, batch: int
+) -> None:
     generator = torch.Generator().manual_seed(seed)
     network = BinaryNetwork(spec, scale_initial=1.0, generator=generator)
     D = torch.randint(256, (count, *spec.observation_shape), generator=generator).to(torch.uint8)
@@ -46,6 +53,13 @@ def test_the_batch_is_of_no_importance(seed: int, count: int, batch: int) -> Non
     reestimate_batch_norm(network, D.flip(0), batch)
     assert torch.equal(network.mean, mean)
     assert torch.equal(network.var, var)
+
+
+def test_squares_of_the_largest_sums_overflow_nothing() -> None:
+    """Of all batches together they are beyond 64 bits."""
+    o = torch.full((4, 1, 1, 1), 2.0**30)
+    mean, var = _moments([o] * 8)
+    assert (float(mean[0]), float(var[0])) == (2.0**30, 0.0)
 
 
 def test_nothing_to_estimate_from_is_said() -> None:

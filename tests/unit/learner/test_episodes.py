@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from logged import lines
 from played import CONFIG, owned, played
 
 from bpn_learner.episodes import DataError, load_episodes
@@ -63,7 +64,7 @@ def test_what_is_not_this_episode_is_set_aside_and_no_earlier_one_overwritten(
         owner.folder.episode_path(1, 2).write_bytes(data)
         with caplog.at_level(logging.WARNING):
             assert sorted(load_episodes(owner, CONFIG, 1)) == [0, 1, 3]
-        assert f"set aside as 000001-00002.damaged-{number}" in caplog.messages[-1]
+        assert f"set aside as 000001-00002.damaged-{number}" in lines(caplog, load_episodes)[-1]
     aside = [owner.folder.path / "episodes" / f"000001-00002.damaged-{n}" for n in (1, 2)]
     assert [path.read_bytes() for path in aside] == [data, data]
 

@@ -6,7 +6,7 @@ import numpy as np
 import onnx
 import pytest
 import torch
-from geometries import geometries
+from geometries import geometries, shapes
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from onnx.reference import ReferenceEvaluator
@@ -19,8 +19,8 @@ from bpn_shared.bnn.envelope import BlobError
 from bpn_shared.bnn.float_weights import FloatWeights, max_model_bytes
 from bpn_shared.spec.network import NetworkSpec
 
-SPEC = NetworkSpec(channels=2, nodes=12, actions=5)
-specs = geometries(range(1, 9), 64, 20)
+SPEC = NetworkSpec(channels=2, hidden_units=12, actions=5)
+specs = geometries(range(1, 9), 64, 20) | shapes()
 
 
 def float_network(spec: NetworkSpec = SPEC, seed: int = 0) -> FloatNetwork:

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import torch
+from geometries import geometries, shapes
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -19,9 +20,7 @@ VARIANCES = [0.0, 1e-12, 1e-5, 0.25, 1.0, 63.0, 1e4, 1e12]
 
 @st.composite
 def networks(draw: st.DrawFn) -> BinaryNetwork:
-    spec = NetworkSpec(
-        draw(st.sampled_from([1, 3])), draw(st.integers(1, 24)), draw(st.integers(2, 8))
-    )
+    spec = draw(geometries([1, 3], 24, 8) | shapes(hidden_units=24))
     seed = draw(st.integers(0, 2**32))
     rng = np.random.default_rng(seed)
     network = BinaryNetwork(
@@ -131,16 +130,16 @@ def torch_forward(blob: WeightBlob, observation: np.ndarray) -> list[np.ndarray]
 @settings(max_examples=1000)
 @given(
     channels=st.sampled_from([1, 3, 6]),
-    nodes=st.integers(1, 256),
+    hidden_units=st.integers(1, 256),
     actions=st.integers(2, 64),
     seed=st.integers(0, 2**32),
     image=st.sampled_from(["noise", "black", "white"]),
 )
 def test_golden_is_torch_in_float64(
-    channels: int, nodes: int, actions: int, seed: int, image: str
+    channels: int, hidden_units: int, actions: int, seed: int, image: str
 ) -> None:
     rng = np.random.default_rng(seed)
-    blob = WeightBlob.random(NetworkSpec(channels, nodes, actions), rng)
+    blob = WeightBlob.random(NetworkSpec(channels, hidden_units, actions), rng)
     observation = {
         "noise": rng.integers(0, 256, blob.spec.observation_shape, np.uint8),
         "black": np.zeros(blob.spec.observation_shape, np.uint8),

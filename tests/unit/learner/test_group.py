@@ -24,16 +24,17 @@ from minibatches import (
 )
 from torch import Tensor
 
-from bpn_learner.group import ALONE, DistributedGroup, Group, GroupLostError
-from bpn_learner.handout import hand_out, take
+from bpn_learner.group import SINGLE_PROCESS, DistributedGroup, Group, GroupLostError
+from bpn_learner.handout import broadcast_state, receive_state
 from bpn_learner.initial import initial_policy
 from bpn_learner.minibatch import minibatch_gradients
 from bpn_learner.networks import PNetwork
 from bpn_learner.rendezvous import connect, open_store
 from bpn_learner.transitions import EpisodeData, Transitions
-from bpn_learner.update import PolicyUpdate, Regression, fit, policy_update
-from bpn_shared.spec.config import Engine, RunConfig
+from bpn_learner.update import RegressionBatch, UpdateConfig, fit, policy_update
+from bpn_shared.spec.config import RunConfig
 from bpn_shared.spec.network import NetworkSpec
+from bpn_shared.spec.sections import Backend
 from bpn_shared.spec.seeds import shuffle_generator
 
 LOOPBACK = "127.0.0.1"
@@ -96,7 +97,7 @@ def members(request: pytest.FixtureRequest) -> Iterator[Members]:
     made.close()
 
 
-@pytest.mark.parametrize("engine", ["fast", "plain"])
+@pytest.mark.parametrize("backend", ["native", "torch"])
 @pytest.mark.parametrize("kind", ["binary", "float"])
 @settings(
     max_examples=12, derandomize=True, suppress_health_check=[HealthCheck.function_scoped_fixture]
@@ -106,12 +107,12 @@ def members(request: pytest.FixtureRequest) -> Iterator[Members]:
     B=st.integers(2, TRANSITIONS),
     seed=st.integers(0, 1000),
 )
-@example(spec=NetworkSpec(channels=6, nodes=100, actions=7), B=TRANSITIONS, seed=0)
+@example(spec=NetworkSpec(channels=6, hidden_units=100, actions=7), B=TRANSITIONS, seed=0)
 @example(
-    spec=NetworkSpec(channels=1, nodes=16, actions=2), B=2, seed=2
+    spec=NetworkSpec(channels=1, hidden_units=16, actions=2), B=2, seed=2
 )  # less than one for each of 3
 def test_a_shared_minibatch_has_the_gradients_of_the_whole(
-    members: Members, kind: Kind, engine: Engine, spec: NetworkSpec, B: int, seed: int
+    members: Members, kind: Kind, backend: Backend, spec: NetworkSpec, B: int, seed: int
 ) -> None:
     make = binary_network if kind == "binary" else float_network
     pixels, actions, y = data(spec, seed)
@@ -123,12 +124,12 @@ def test_a_shared_minibatch_has_the_gradients_of_the_whole(
         assume(margin(alone, pixels[batch]) > 2e-6)
     exact = exact_gradients(alone, pixels, actions, y, batch)
     whole = named_gradients(
-        alone, minibatch_gradients(engine, alone, observations, actions, y), batch
+        alone, minibatch_gradients(backend, alone, observations, actions, y), batch
     )
 
     def shared(group: DistributedGroup) -> dict[str, Tensor]:
         network = make(spec, seed)
-        gradients = minibatch_gradients(engine, network, observations, actions, y, group=group)
+        gradients = minibatch_gradients(backend, network, observations, actions, y, group=group)
         return named_gradients(network, gradients, batch)
 
     first, *others = members(shared)
@@ -144,9 +145,9 @@ def config_of(kind: Kind, learners: int, **changes: Any) -> RunConfig:
     return RunConfig.for_task(
         "reaching",
         algorithm="bpn" if kind == "binary" else "cvi",
-        nodes=24,
+        hidden_units=24,
         epochs=2,
-        batch=8,
+        batch_size=8,
         learners=learners,
         **changes,
     )
@@ -174,19 +175,19 @@ def one_update(
     group: DistributedGroup | None,
 ) -> None:
     """As the learner of that rank does it."""
-    settings = PolicyUpdate.of_iteration(config, iteration)
+    settings = UpdateConfig.of_iteration(config, iteration)
     rng = shuffle_generator(config.seed, iteration)
     if group is not None and group.rank > 0:
-        regression, told = take(group, network, optimizer)
+        regression, told = receive_state(group, network, optimizer)
         assert told == iteration
         fit(network, optimizer, regression, settings, rng, group=group)
         return
 
     @contextlib.contextmanager
-    def gather(regression: Regression) -> Iterator[Group]:
+    def gather(regression: RegressionBatch) -> Iterator[Group]:
         if group is not None:
-            hand_out(group, network, optimizer, regression, iteration)
-        yield group or ALONE
+            broadcast_state(group, network, optimizer, regression, iteration)
+        yield group or SINGLE_PROCESS
 
     policy_update(network, optimizer, transitions(), settings, rng, gather=gather)
 
@@ -201,15 +202,15 @@ def updated(config: RunConfig, group: DistributedGroup | None) -> dict[str, Tens
     return {name: value.detach().clone() for name, value in network.named_parameters()}
 
 
-# Not binary and plain: alone that engine has torch's batch norm, in whose float32 rounding decides on ties.
+# Not binary and plain: alone that backend has torch's batch norm, in whose float32 rounding decides on ties.
 @pytest.mark.parametrize(
-    ("kind", "engine"), [("binary", "fast"), ("float", "fast"), ("float", "plain")]
+    ("kind", "backend"), [("binary", "native"), ("float", "native"), ("float", "torch")]
 )
 def test_shared_updates_end_where_those_of_one_learner_do(
-    members: Members, kind: Kind, engine: Engine
+    members: Members, kind: Kind, backend: Backend
 ) -> None:
-    alone = updated(config_of(kind, 1, engine=engine), None)
-    config = config_of(kind, members.size, engine=engine)
+    alone = updated(config_of(kind, 1, backend=backend), None)
+    config = config_of(kind, members.size, backend=backend)
     first, *others = members(lambda group: updated(config, group))
     initial = dict(initial_policy(config)[0].named_parameters())
     for name, value in alone.items():
@@ -232,7 +233,7 @@ def test_when_one_is_lost_all_others_give_the_update_up() -> None:
 
     def work(group: DistributedGroup) -> object:
         if group.rank == 1:
-            take(group, *initial_policy(config))
+            receive_state(group, *initial_policy(config))
             raise GroupLostError("dies")
         return updated(config, group)
 
@@ -250,10 +251,10 @@ def test_an_update_of_another_run_is_refused(members: Members) -> None:
     def work(group: DistributedGroup) -> None:
         if group.rank == 0:
             D = transitions()
-            regression = Regression(D.frames, D.observations, D.actions, D.rewards)
-            hand_out(group, *initial_policy(mine), regression, 0)
+            regression = RegressionBatch(D.frames, D.observations, D.actions, D.rewards)
+            broadcast_state(group, *initial_policy(mine), regression, 0)
         else:
             with pytest.raises(GroupLostError, match="no update of this run"):
-                take(group, *initial_policy(theirs))
+                receive_state(group, *initial_policy(theirs))
 
     members(work)

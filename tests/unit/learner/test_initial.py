@@ -7,7 +7,7 @@ import torch
 
 from bpn_learner.initial import has_gpu, initial_policy
 from bpn_learner.networks import BinaryNetwork, FloatNetwork, PNetwork
-from bpn_shared.spec.algorithms import ALGORITHMS, AlgorithmName
+from bpn_shared.spec.algorithms import algorithm_names
 from bpn_shared.spec.config import ConfigError, RunConfig
 
 PINNED = {
@@ -25,28 +25,29 @@ def sha256(network: PNetwork) -> str:
     return digest.hexdigest()
 
 
-@pytest.mark.parametrize("algorithm", ALGORITHMS)
+@pytest.mark.parametrize("algorithm", algorithm_names())
 @pytest.mark.parametrize(("task", "seed"), [("reaching", 0), ("tracking", 7)])
-def test_initial_weights_are_what_they_always_were(
-    algorithm: AlgorithmName, task: str, seed: int
-) -> None:
-    config = RunConfig.for_task(task, algorithm=algorithm, seed=seed, nodes=24, scale_initial=0.25)
+def test_initial_weights_are_what_they_always_were(algorithm: str, task: str, seed: int) -> None:
+    config = RunConfig.for_task(
+        task, algorithm=algorithm, seed=seed, hidden_units=24, scale_initial=0.25
+    )
     network, _ = initial_policy(config)
-    assert sha256(network) == PINNED[ALGORITHMS[algorithm].network, task, seed]
+    assert sha256(network) == PINNED[config.algorithm_spec.network, task, seed]
 
 
 def test_every_seed_has_weights_of_its_own() -> None:
     seeds = [0, 1, 2, 2**63 - 1]
     found = {
-        sha256(initial_policy(RunConfig.bare("reaching", seed=seed, nodes=8))[0]) for seed in seeds
+        sha256(initial_policy(RunConfig.bare("reaching", seed=seed, hidden_units=8))[0])
+        for seed in seeds
     }
     assert len(found) == len(seeds)
 
 
 @pytest.mark.parametrize("algorithm", ["bpn", "cvi"])
-def test_scale_rate_and_threads_are_the_configurations(algorithm: AlgorithmName) -> None:
+def test_scale_rate_and_threads_are_the_configurations(algorithm: str) -> None:
     config = RunConfig.for_task(
-        "reaching", algorithm=algorithm, nodes=8, learning_rate=0.03, scale_initial=0.7
+        "reaching", algorithm=algorithm, hidden_units=8, learning_rate=0.03, scale_initial=0.7
     )
     torch.set_num_threads(2)
     network, optimizer = initial_policy(config)
@@ -68,7 +69,7 @@ def test_a_gpu_is_asked_of_torch_and_missed_at_the_beginning(
     for there in (False, True):
         monkeypatch.setattr(torch.cuda, "is_available", lambda there=there: there)
         assert has_gpu() is there
-        initial_policy(RunConfig.bare("reaching", nodes=8))  # which asks for none
+        initial_policy(RunConfig.bare("reaching", hidden_units=8))  # which asks for none
     monkeypatch.setattr(torch.cuda, "is_available", lambda: False)
     with pytest.raises(ConfigError, match="torch finds no GPU"):
-        initial_policy(RunConfig.bare("reaching", nodes=8, device="cuda"))
+        initial_policy(RunConfig.bare("reaching", hidden_units=8, device="cuda"))

@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import pytest
 import torch
-from geometries import geometries
+from geometries import geometries, shapes
 from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 from minibatches import (
@@ -33,21 +33,23 @@ from bpn_learner.networks import (
     dot_products,
 )
 from bpn_learner.update import make_optimizer
-from bpn_shared.spec.network import NetworkSpec
+from bpn_shared.spec.network import Convolution, NetworkSpec
 
 PATHS = available_paths()
+LARGER = (Convolution(8, 4, 32), Convolution(4, 2, 64), Convolution(3, 1, 64))
 
 
 @pytest.mark.parametrize("path", PATHS)
-@settings(max_examples=40, derandomize=True)
+@settings(max_examples=60, derandomize=True)
 @given(
-    spec=geometries(range(1, 17), 130, 40),
+    spec=geometries(range(1, 17), 130, 40) | shapes(),
     B=st.integers(2, TRANSITIONS),
     seed=st.integers(0, 1000),
 )
-@example(spec=NetworkSpec(channels=6, nodes=100, actions=7), B=TRANSITIONS, seed=0)
-@example(spec=NetworkSpec(channels=16, nodes=1, actions=64), B=2, seed=1)
-@example(spec=NetworkSpec(channels=1, nodes=16, actions=2), B=9, seed=2)
+@example(spec=NetworkSpec(channels=6, hidden_units=100, actions=7), B=TRANSITIONS, seed=0)
+@example(spec=NetworkSpec(channels=4, hidden_units=64, actions=6, convolutions=LARGER), B=5, seed=3)
+@example(spec=NetworkSpec(channels=16, hidden_units=1, actions=64), B=2, seed=1)
+@example(spec=NetworkSpec(channels=1, hidden_units=16, actions=2), B=9, seed=2)
 def test_gradients_are_autograds(path: str, spec: NetworkSpec, B: int, seed: int) -> None:
     network, (pixels, actions, y) = binary_network(spec, seed), data(spec, seed)
     batch = torch.randperm(TRANSITIONS, generator=torch.Generator().manual_seed(seed))[:B]
@@ -78,15 +80,15 @@ def float_margin(network: FloatNetwork, pixels: Tensor) -> float:
 
 
 @pytest.mark.parametrize("path", PATHS)
-@settings(max_examples=40, derandomize=True)
+@settings(max_examples=60, derandomize=True)
 @given(
-    spec=geometries(range(1, 17), 130, 40),
+    spec=geometries(range(1, 17), 130, 40) | shapes(),
     B=st.integers(1, TRANSITIONS),
     seed=st.integers(0, 1000),
 )
-@example(spec=NetworkSpec(channels=6, nodes=100, actions=7), B=TRANSITIONS, seed=0)
-@example(spec=NetworkSpec(channels=16, nodes=1, actions=64), B=2, seed=1)
-@example(spec=NetworkSpec(channels=1, nodes=256, actions=14), B=9, seed=2)
+@example(spec=NetworkSpec(channels=6, hidden_units=100, actions=7), B=TRANSITIONS, seed=0)
+@example(spec=NetworkSpec(channels=16, hidden_units=1, actions=64), B=2, seed=1)
+@example(spec=NetworkSpec(channels=1, hidden_units=256, actions=14), B=9, seed=2)
 def test_gradients_of_float_networks_are_autograds(
     path: str, spec: NetworkSpec, B: int, seed: int
 ) -> None:
@@ -108,7 +110,7 @@ def test_gradients_of_float_networks_are_autograds(
 
 
 def test_the_brightest_pixels_overflow_nothing() -> None:
-    spec = NetworkSpec(channels=16, nodes=5, actions=3)
+    spec = NetworkSpec(channels=16, hidden_units=5, actions=3)
     pixels = torch.full((2, 84, 84, 16), 255, dtype=torch.uint8)
     pixels[1, ::2] = 0
     actions, y = torch.tensor([0, 2]), torch.tensor([1.0, -1.0])
@@ -135,7 +137,7 @@ def native(
 def test_equal_inputs_give_equal_bits_wherever_memory_lies(
     path: str, make: Callable[[NetworkSpec, int], BinaryNetwork | FloatNetwork]
 ) -> None:
-    spec = NetworkSpec(channels=3, nodes=33, actions=5)
+    spec = NetworkSpec(channels=3, hidden_units=33, actions=5)
     pixels, actions, y = data(spec, 0)
     batch = torch.arange(TRANSITIONS - 1)
     results = []
@@ -152,7 +154,7 @@ def test_equal_inputs_give_equal_bits_wherever_memory_lies(
 
 
 def test_the_kernel_follows_parameters_that_an_optimizer_moves() -> None:
-    spec = NetworkSpec(channels=2, nodes=20, actions=4)
+    spec = NetworkSpec(channels=2, hidden_units=20, actions=4)
     pixels, actions, y = data(spec, 3)
     batch = torch.arange(TRANSITIONS)
     network = binary_network(spec, 3)
@@ -168,7 +170,7 @@ def test_the_kernel_follows_parameters_that_an_optimizer_moves() -> None:
 
 
 def test_bad_input_is_refused() -> None:
-    spec = NetworkSpec(channels=2, nodes=20, actions=4)
+    spec = NetworkSpec(channels=2, hidden_units=20, actions=4)
     pixels, actions, y = data(spec, 0)
     network = binary_network(spec, 0)
     native = native_gradients(network, pixels, actions, y)
@@ -178,7 +180,7 @@ def test_bad_input_is_refused() -> None:
         native_gradients(network, pixels, actions + 4, y)(torch.tensor([0, 1]))
     with pytest.raises(ValueError, match="at least 1"):
         native(torch.tensor([], dtype=torch.int64))
-    with pytest.raises(ValueError, match=r"uint8\[n, 84, 84, C\]"):
+    with pytest.raises(ValueError, match=r"uint8\[n, 84, 84, 2\]"):
         native_gradients(network, pixels[..., :1].contiguous(), actions, y)(torch.tensor([0, 1]))
     with pytest.raises(ValueError, match="lengths"):
         native_gradients(network, pixels, actions[:3], y)(torch.tensor([0, 1]))
@@ -187,12 +189,12 @@ def test_bad_input_is_refused() -> None:
 
 
 def test_bad_input_for_float_networks_is_refused() -> None:
-    spec = NetworkSpec(channels=2, nodes=20, actions=4)
+    spec = NetworkSpec(channels=2, hidden_units=20, actions=4)
     pixels, actions, y = data(spec, 0)
     network = float_network(spec, 0)
     with pytest.raises(IndexError, match="outside D"):
         native_float_gradients(network, pixels, actions, y)(torch.tensor([0, TRANSITIONS]))
-    other = float_network(NetworkSpec(channels=2, nodes=21, actions=4), 0)
+    other = float_network(NetworkSpec(channels=2, hidden_units=21, actions=4), 0)
     other.spec = spec
     with pytest.raises(ValueError, match="not the network's sizes"):
         native_float_gradients(other, pixels, actions, y)(torch.tensor([0, 1]))
@@ -202,12 +204,12 @@ def test_bad_input_for_float_networks_is_refused() -> None:
 def test_fast_is_the_kernel_and_plain_is_autograd(
     make: Callable[[NetworkSpec, int], BinaryNetwork | FloatNetwork],
 ) -> None:
-    spec = NetworkSpec(channels=1, nodes=6, actions=3)
+    spec = NetworkSpec(channels=1, hidden_units=6, actions=3)
     pixels, actions, y = data(spec, 0)
     observations = pixels.permute(0, 3, 1, 2)
     network, batch = make(spec, 0), torch.arange(4)
-    fast = minibatch_gradients("fast", network, observations, actions, y)(batch)
-    plain = minibatch_gradients("plain", network, observations, actions, y)(batch)
+    fast = minibatch_gradients("native", network, observations, actions, y)(batch)
+    plain = minibatch_gradients("torch", network, observations, actions, y)(batch)
     assert isinstance(fast, float)
     assert isinstance(plain, Tensor)
     assert fast == pytest.approx(float(plain), rel=1e-5)

@@ -13,7 +13,7 @@ from bpn_learner.calibrate import reestimate_batch_norm
 from bpn_learner.networks import BinaryNetwork, FloatNetwork, PNetwork
 from bpn_shared.spec.network import NetworkSpec
 
-SPEC = NetworkSpec(channels=2, nodes=12, actions=5)
+SPEC = NetworkSpec(channels=2, hidden_units=12, actions=5)
 
 
 def binary_network(seed: int = 0, spec: NetworkSpec = SPEC) -> BinaryNetwork:
@@ -80,7 +80,7 @@ def test_the_training_pass_is_torchs_layers(seed: int) -> None:
 
 
 def test_integers_are_exact_at_the_largest_sums() -> None:
-    spec = NetworkSpec(channels=16, nodes=4, actions=2)
+    spec = NetworkSpec(channels=16, hidden_units=4, actions=2)
     network = binary_network(0, spec).eval()
     network.latent.data.fill_(1.0)
     white = torch.full((1, *spec.observation_shape), 255.0)
@@ -109,9 +109,9 @@ def test_the_generator_alone_decides_the_initial_weights() -> None:
 def test_reestimation_does_not_depend_on_batches_or_order(batch: int, seed: int) -> None:
     observations = images(6, seed)
     reference, network = binary_network(seed), binary_network(seed)
-    reestimate_batch_norm(reference, observations, batch=6)
+    reestimate_batch_norm(reference, observations, batch_size=6)
     order = torch.randperm(6, generator=torch.Generator().manual_seed(seed))
-    reestimate_batch_norm(network, observations[order], batch=batch)
+    reestimate_batch_norm(network, observations[order], batch_size=batch)
     assert torch.equal(network.mean, reference.mean)
     assert torch.equal(network.var, reference.var)
 
@@ -122,7 +122,7 @@ def test_reestimated_statistics_are_those_of_the_evaluated_integers() -> None:
     network.gamma.data.normal_(generator=generator)
     network.beta.data.normal_(generator=generator)
     observations = images(30)
-    reestimate_batch_norm(network, observations, batch=7)
+    reestimate_batch_norm(network, observations, batch_size=7)
     outputs = [o.double() for o in network.integers(observations.float())[:-1]]
     mean = torch.cat([o.mean(dim=(0, 2, 3)) for o in outputs])
     var = torch.cat([o.var(dim=(0, 2, 3), correction=0) for o in outputs])
@@ -163,4 +163,4 @@ def test_the_float_network_is_torchs_layers() -> None:
 
 
 def test_the_largest_preference_is_lambda_n() -> None:
-    assert binary_network().max_preference() == pytest.approx(0.2 * SPEC.nodes)
+    assert binary_network().max_preference() == pytest.approx(0.2 * SPEC.hidden_units)

@@ -19,15 +19,15 @@ from bpn_learner import training as training_module
 from bpn_learner.checkpoint import CheckpointError, encode_checkpoint
 from bpn_learner.episodes import DataError
 from bpn_learner.export import export
-from bpn_learner.group import Alone, GroupLostError
-from bpn_learner.handout import MAX_BYTES, take
+from bpn_learner.group import GroupLostError, SingleProcess
+from bpn_learner.handout import MAX_BYTES, receive_state
 from bpn_learner.initial import initial_policy
 from bpn_learner.ledger import EpisodeLedger
 from bpn_learner.reward import episode_rewards
 from bpn_learner.storage import StorageError
 from bpn_learner.training import GIVE_UP_AFTER, Training
 from bpn_learner.transitions import EpisodeData, Transitions
-from bpn_learner.update import PolicyUpdate, policy_update
+from bpn_learner.update import UpdateConfig, policy_update
 from bpn_shared.bnn.weights import Weights
 from bpn_shared.counters import Counters
 from bpn_shared.messages.control import NextEpisode
@@ -39,9 +39,9 @@ from bpn_shared.spec.seeds import shuffle_generator
 from bpn_shared.waiting import Waiting
 
 SETTINGS: dict[str, Any] = {
-    "iterations": 6, "datasets": 2, "epochs": 3, "alpha": 0.7, "beta": 2.0, "gamma": 0.8,
-    "mask_terminals": True, "relative_targets": True, "learning_rate": 0.05,
-    "learning_rate_final": 0.3, "learning_rate_last": 0.4, "reward_scale": 0.05,
+    "iterations": 6, "replay_iterations": 2, "epochs": 3, "alpha": 0.7, "beta": 2.0, "gamma": 0.8,
+    "bootstrap_terminals": False, "relative_targets": True, "learning_rate": 0.05,
+    "lr_update_final_factor": 0.3, "lr_run_final_factor": 0.4, "reward_scale": 0.05,
 }  # fmt: skip
 RUN = RunConfig.model_validate(CONFIG.model_dump() | SETTINGS)
 INTERRUPTED = 4
@@ -155,10 +155,10 @@ def test_every_version_is_what_its_configuration_and_its_newest_data_sets_make(r
                 episode = Episode.decode(data, RUN.task_spec)
                 rewards = episode_rewards(RUN.task_spec, episode) * 0.05
                 D.append(EpisodeData(episode.frames, episode.actions, rewards, index == 1))
-        settings = PolicyUpdate(
-            alpha=0.7, beta=2.0, gamma=0.8, epochs=3, batch=2, target="cvi", mask_terminals=True,
+        settings = UpdateConfig(
+            alpha=0.7, beta=2.0, gamma=0.8, epochs=3, batch_size=2, target="cvi", bootstrap_terminals=False,
             relative_targets=True, learning_rate_share=1 - 0.6 * iteration / 5,
-            learning_rate_final=0.3, engine="fast",
+            lr_update_final_factor=0.3, backend="native",
         )  # fmt: skip
         policy_update(
             network, optimizer, Transitions.from_episodes(D, frames_stacked=1), settings,
@@ -408,7 +408,7 @@ def test_updates_that_lose_a_learner_each_time_have_an_end(
     assert len(folder.metrics()) == INTERRUPTED
 
 
-class Handed(Alone):
+class Handed(SingleProcess):
     """A group of one that keeps what is handed out, and hands it on to who takes it."""
 
     exchange_s = 1.5
@@ -438,7 +438,7 @@ def test_who_shares_an_update_is_told_all_of_it(runs: Runs, folder: RunFolder) -
     taking = Taking()
     taking.told = group.told[:2]
     network, optimizer = initial_policy(RUN)
-    regression, iteration = take(taking, network, optimizer)  # type: ignore[arg-type]
+    regression, iteration = receive_state(taking, network, optimizer)  # type: ignore[arg-type]
     assert iteration == INTERRUPTED
     assert len(regression.y) == 2 * RUN.episodes * RUN.steps
     before = runs.whole.weights(INTERRUPTED).content_sha256()
@@ -450,7 +450,7 @@ def test_what_cannot_be_an_update_is_not_waited_for(size: int) -> None:
     taking = Taking()
     taking.told = [torch.tensor([size])]
     with pytest.raises(GroupLostError, match=f"tells {size} bytes, at most"):
-        take(taking, *initial_policy(RUN))  # type: ignore[arg-type]
+        receive_state(taking, *initial_policy(RUN))  # type: ignore[arg-type]
 
 
 def test_tensorboard_gets_the_metrics_if_it_is_asked_for(tmp_path: Path) -> None:
@@ -474,8 +474,8 @@ def test_the_record_of_an_iteration_is_of_its_episodes(runs: Runs) -> None:
         assert (record["length"], record["terminated"]) == (RUN.steps, 1)
         assert (record["attempt"], record["weights_version"]) == (1, iteration + 1)
         assert record["weights_version_lag"] == 0.0
-        D = min(iteration + 1, RUN.datasets) * record["transitions"]
-        assert record["updates"] == RUN.epochs * -(-D // RUN.batch)
+        D = min(iteration + 1, RUN.replay_iterations) * record["transitions"]
+        assert record["updates"] == RUN.epochs * -(-D // RUN.batch_size)
         assert 0 < record["update_s"] <= record["iteration_s"]
         assert 0 <= record["collect_s"] <= record["iteration_s"]
 

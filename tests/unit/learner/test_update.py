@@ -16,7 +16,7 @@ from bpn_learner.transitions import EpisodeData, Transitions
 from bpn_learner.update import (
     SCALE_RATE_FACTOR,
     DivergenceError,
-    PolicyUpdate,
+    UpdateConfig,
     UpdateReport,
     UpdateStopped,
     annealing,
@@ -29,11 +29,11 @@ from bpn_learner.update import (
     targets,
 )
 from bpn_shared.bnn import golden
-from bpn_shared.spec.config import Engine
 from bpn_shared.spec.network import NetworkSpec
 from bpn_shared.spec.observation import stack
+from bpn_shared.spec.sections import Backend
 
-SPEC = NetworkSpec(channels=1, nodes=20, actions=3)
+SPEC = NetworkSpec(channels=1, hidden_units=20, actions=3)
 
 
 def episode(seed: int, steps: int = 10, channels: int = 1, terminated: bool = False) -> EpisodeData:
@@ -54,7 +54,7 @@ def transitions(episodes: int = 3) -> Transitions:
     return Transitions.from_episodes([episode(i) for i in range(episodes)], frames_stacked=1)
 
 
-def update(network: PNetwork, settings: PolicyUpdate, seed: int = 0) -> UpdateReport:
+def update(network: PNetwork, settings: UpdateConfig, seed: int = 0) -> UpdateReport:
     optimizer = make_optimizer(network, 1e-3)
     return policy_update(network, optimizer, transitions(), settings, np.random.default_rng(seed))
 
@@ -102,7 +102,7 @@ def test_one_transition_is_too_few() -> None:
 def test_targets_are_cvis_of_the_folded_network(mask: bool) -> None:
     network = binary_network()
     data = Transitions.from_episodes([episode(0, terminated=True)], frames_stacked=1)
-    settings = PolicyUpdate(alpha=0.9, beta=2.0, gamma=0.8, mask_terminals=mask)
+    settings = UpdateConfig(alpha=0.9, beta=2.0, gamma=0.8, bootstrap_terminals=not mask)
     blob = fold(network)
     P = torch.stack(
         [
@@ -140,7 +140,7 @@ def test_relative_targets_are_the_absolute_ones_less_their_mean(
     )
     generator = torch.Generator().manual_seed(seed)
     P, P_next = torch.randn(2, len(D), 3, generator=generator, dtype=torch.float64)
-    absolute = PolicyUpdate(target=target, alpha=alpha, beta=beta, mask_terminals=mask)
+    absolute = UpdateConfig(target=target, alpha=alpha, beta=beta, bootstrap_terminals=not mask)
     y, none = targets(D, P + offset, P_next + offset, absolute)
     assert none == 0
     relative = replace(absolute, relative_targets=True)
@@ -152,7 +152,7 @@ def test_relative_targets_are_the_absolute_ones_less_their_mean(
 @pytest.mark.parametrize("relative", [False, True])
 def test_an_update_leaves_the_mean_of_its_targets_to_the_offset(relative: bool) -> None:
     network = binary_network()
-    settings = PolicyUpdate(epochs=1, relative_targets=relative, mask_terminals=True)
+    settings = UpdateConfig(epochs=1, relative_targets=relative, bootstrap_terminals=False)
     for _ in range(2):
         P = target_preferences(network, transitions())
         _, expected = targets(transitions(), *P, settings, float(network.offset))
@@ -163,7 +163,7 @@ def test_an_update_leaves_the_mean_of_its_targets_to_the_offset(relative: bool) 
 
 def test_an_update_equals_algorithm_1_written_plainly() -> None:
     """One transition at a time from D', targets computed anew by a frozen copy for every minibatch."""
-    settings = PolicyUpdate(alpha=0.9, beta=2.0, gamma=0.8, epochs=3, batch=8, engine="plain")
+    settings = UpdateConfig(alpha=0.9, beta=2.0, gamma=0.8, epochs=3, batch_size=8, backend="torch")
     network, plain, frozen = (binary_network() for _ in range(3))
     report = update(network, settings)
 
@@ -200,8 +200,8 @@ def test_both_engines_do_the_same_first_update() -> None:
     """Later ones part by rounding: a value near 0 changes its sign, and Adam has no scale."""
     networks = [binary_network() for _ in range(2)]
     fast, plain = (
-        update(network, PolicyUpdate(epochs=1, batch=30, engine=engine))
-        for network, engine in zip(networks, ("fast", "plain"), strict=True)
+        update(network, UpdateConfig(epochs=1, batch_size=30, backend=backend))
+        for network, backend in zip(networks, ("native", "torch"), strict=True)
     )
     assert fast.updates == plain.updates == 1
     assert fast.loss_last == pytest.approx(plain.loss_last, rel=1e-6)
@@ -211,9 +211,9 @@ def test_both_engines_do_the_same_first_update() -> None:
     assert difference < 1e-4
 
 
-@pytest.mark.parametrize("engine", ["fast", "plain"])
-def test_equal_inputs_give_equal_bits(engine: Engine) -> None:
-    settings = PolicyUpdate(epochs=3, batch=8, engine=engine)
+@pytest.mark.parametrize("backend", ["native", "torch"])
+def test_equal_inputs_give_equal_bits(backend: Backend) -> None:
+    settings = UpdateConfig(epochs=3, batch_size=8, backend=backend)
     first, second, third = (binary_network() for _ in range(3))
     update(first, settings)
     update(second, settings)
@@ -232,14 +232,14 @@ def test_training_fits_the_targets(binary: bool, target: Literal["cvi", "dqn"]) 
         if binary
         else FloatNetwork(SPEC, generator=torch.Generator().manual_seed(0))
     )
-    report = update(network, PolicyUpdate(epochs=40, batch=8, target=target))
+    report = update(network, UpdateConfig(epochs=40, batch_size=8, target=target))
     assert report.loss_last < 0.5 * report.loss_first
     assert not network.training
 
 
 def test_the_updated_network_folds_exactly_and_its_latent_weights_are_clipped() -> None:
     network = binary_network()
-    update(network, PolicyUpdate(epochs=3, batch=8))
+    update(network, UpdateConfig(epochs=3, batch_size=8))
     assert network.latent.abs().max() <= 1
     blob = fold(network)
     data = transitions()
@@ -252,7 +252,7 @@ def test_the_updated_network_folds_exactly_and_its_latent_weights_are_clipped() 
 
 def test_batch_norm_is_estimated_anew_over_d() -> None:
     network = binary_network()
-    update(network, PolicyUpdate(epochs=3, batch=8))
+    update(network, UpdateConfig(epochs=3, batch_size=8))
     data = transitions()
     integers = network.integers(data.gather(data.observations).float())[:-1]
     mean = torch.cat([o.double().mean(dim=(0, 2, 3)) for o in integers])
@@ -269,7 +269,7 @@ def test_progress_is_told_and_stop_is_asked_every_epoch() -> None:
             network,
             make_optimizer(network, 1e-3),
             transitions(),
-            PolicyUpdate(epochs=5, batch=8),
+            UpdateConfig(epochs=5, batch_size=8),
             np.random.default_rng(0),
             progress=lambda done, total: seen.append((done, total)),
             stop=lambda: len(seen) == 2,
@@ -292,7 +292,7 @@ def test_stop_is_asked_within_a_long_epoch(monkeypatch: pytest.MonkeyPatch) -> N
             network,
             make_optimizer(network, 1e-3),
             transitions(),
-            PolicyUpdate(epochs=1, batch=2),
+            UpdateConfig(epochs=1, batch_size=2),
             np.random.default_rng(0),
             stop=stop,
         )
@@ -302,7 +302,7 @@ def test_divergence_is_named() -> None:
     network = binary_network()
     network.log_scale.data.fill_(60.0)
     with pytest.raises(DivergenceError, match="lower the learning rate"):
-        update(network, PolicyUpdate(epochs=2, batch=8))
+        update(network, UpdateConfig(epochs=2, batch_size=8))
 
 
 def test_saturated_targets_are_counted() -> None:
@@ -314,7 +314,7 @@ def test_saturated_targets_are_counted() -> None:
         network,
         make_optimizer(network, 1e-3),
         data,
-        PolicyUpdate(epochs=1, batch=8),
+        UpdateConfig(epochs=1, batch_size=8),
         np.random.default_rng(0),
     )
     assert report.saturation == pytest.approx(20 / 30)
@@ -325,7 +325,7 @@ def test_saturated_targets_are_counted() -> None:
 def test_the_rate_falls_along_a_cosine_to_its_final_share(
     epochs: int, final: float, share: float
 ) -> None:
-    settings = PolicyUpdate(epochs=epochs, learning_rate_final=final, learning_rate_share=share)
+    settings = UpdateConfig(epochs=epochs, lr_update_final_factor=final, learning_rate_share=share)
     factors = [annealing(epoch, settings) for epoch in range(epochs)]
     assert factors[0] == pytest.approx(share)
     assert factors == sorted(factors, reverse=True)

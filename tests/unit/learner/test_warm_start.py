@@ -19,14 +19,16 @@ SOURCE = UUID(int=1)
 
 
 def make(runs_dir: Path, run: int, **changes: Any) -> RunFolder:
-    config = RunConfig.for_task("reaching", **{"seed": 9, "steps": 2, "nodes": 1} | changes)
+    config = RunConfig.for_task("reaching", **{"seed": 9, "steps": 2, "hidden_units": 1} | changes)
     return RunFolder.create(runs_dir, UUID(int=run), config)
 
 
 @pytest.fixture(params=["bpn", "dqn"])
 def source(request: pytest.FixtureRequest, tmp_path: Path) -> RunFolder:
     """A run after three updates, as far as its folder is concerned."""
-    config = RunConfig.for_task("reaching", algorithm=request.param, steps=2, nodes=1, seed=3)
+    config = RunConfig.for_task(
+        "reaching", algorithm=request.param, steps=2, hidden_units=1, seed=3
+    )
     folder = RunFolder.create(tmp_path, SOURCE, config)
     network, optimizer = initial_policy(config)
     network.offset.fill_(2.5)
@@ -67,7 +69,7 @@ def test_the_name_that_is_kept_is_taken_again_and_checked(source: RunFolder) -> 
 
 
 @pytest.mark.parametrize(("changes", "what"), [
-    ({"nodes": 2}, "its network is 1 channels x 1 nodes x 14 actions, this run's is 1 channels x 2 nodes"),
+    ({"hidden_units": 2}, "is 1 channels x 1 hidden units x 14 actions, this run's is 1 channels x 2 hidden"),
     ({"algorithm": "other"}, "has a (binary|float) network, '(bpn|dqn)' a (float|binary) one"),
     ({"init_from": f"{SOURCE}:2"}, "only version 3 of that run can be gone on from"),
     ({"init_from": f"{SOURCE}:3:{'0' * 64}"}, "version 3 of that run has the SHA-256 [0-9a-f]{64}"),

@@ -10,8 +10,8 @@ from bpn_learner.networks import BinaryNetwork
 from bpn_learner.transitions import EpisodeData, Transitions
 from bpn_learner.update import (
     EVALUATION_BATCH,
-    PolicyUpdate,
-    Regression,
+    RegressionBatch,
+    UpdateConfig,
     fit,
     make_optimizer,
     policy_update,
@@ -20,13 +20,13 @@ from bpn_learner.update import (
 from bpn_shared.spec.config import RunConfig
 from bpn_shared.spec.network import NetworkSpec
 
-SPEC = NetworkSpec(channels=1, nodes=12, actions=3)
+SPEC = NetworkSpec(channels=1, hidden_units=12, actions=3)
 
 NO_DEFAULT = RunConfig.bare(
-    "tracking", algorithm="bqn", seed=3, iterations=11, episodes=7, steps=9, epochs=4, batch=6,
-    datasets=5, alpha=0.4, beta=2.5, gamma=0.7, mask_terminals=True, relative_targets=True,
-    epsilon_initial=0.9, epsilon_final=0.2, nodes=12, learning_rate=0.02, learning_rate_final=0.3,
-    learning_rate_last=0.5, scale_initial=0.4, reward_scale=0.3, engine="plain", n_step=3, gap_floor=6.0,
+    "tracking", algorithm="bqn", seed=3, iterations=11, episodes=7, steps=9, epochs=4, batch_size=6,
+    replay_iterations=5, alpha=0.4, beta=2.5, gamma=0.7, bootstrap_terminals=False, relative_targets=True,
+    epsilon_initial=0.9, epsilon_final=0.2, hidden_units=12, learning_rate=0.02, lr_update_final_factor=0.3,
+    lr_run_final_factor=0.5, scale_initial=0.4, reward_scale=0.3, backend="torch", n_step=3, gap_floor=6.0,
     max_updates=70,
 )  # fmt: skip
 
@@ -46,40 +46,40 @@ def transitions(steps: int, *, terminated: bool = False) -> Transitions:
     return Transitions.from_episodes([episode], frames_stacked=1)
 
 
-def regression(steps: int) -> Regression:
+def regression(steps: int) -> RegressionBatch:
     data = transitions(steps)
-    return Regression(data.frames, data.observations, data.actions, data.rewards)
+    return RegressionBatch(data.frames, data.observations, data.actions, data.rewards)
 
 
 def test_the_configuration_reaches_the_update_in_every_field() -> None:
-    assert PolicyUpdate.of_iteration(NO_DEFAULT, 4) == PolicyUpdate(
+    assert UpdateConfig.of_iteration(NO_DEFAULT, 4) == UpdateConfig(
         alpha=0.4,
         beta=2.5,
         gamma=0.7,
         epochs=4,
-        batch=6,
+        batch_size=6,
         target="dqn",
-        mask_terminals=True,
+        bootstrap_terminals=False,
         relative_targets=True,
         n_step=3,
         gap_floor=6.0,
         max_updates=70,
         learning_rate_share=pytest.approx(0.8),
-        learning_rate_final=0.3,
-        engine="plain",
+        lr_update_final_factor=0.3,
+        backend="torch",
     )
-    assert PolicyUpdate.of_iteration(NO_DEFAULT, 0).learning_rate_share == 1
-    assert PolicyUpdate.of_iteration(NO_DEFAULT, 10).learning_rate_share == pytest.approx(0.5)
-    assert PolicyUpdate.of_iteration(RunConfig.bare("reaching"), 0).target == "cvi"
-    given = NO_DEFAULT.model_dump(include={*PolicyUpdate.__slots__})
-    defaults = RunConfig.bare("reaching").model_dump(include={*PolicyUpdate.__slots__})
+    assert UpdateConfig.of_iteration(NO_DEFAULT, 0).learning_rate_share == 1
+    assert UpdateConfig.of_iteration(NO_DEFAULT, 10).learning_rate_share == pytest.approx(0.5)
+    assert UpdateConfig.of_iteration(RunConfig.bare("reaching"), 0).target == "cvi"
+    given = NO_DEFAULT.model_dump(include={*UpdateConfig.__slots__})
+    defaults = RunConfig.bare("reaching").model_dump(include={*UpdateConfig.__slots__})
     assert all(given[name] != defaults[name] for name in given)  # or the test would show nothing
 
 
 def test_fit_anneals_and_clips_as_a_plain_loop_does() -> None:
     """At a rate so high that latent weights leave [-1, 1] unless they are clipped."""
-    settings = PolicyUpdate(
-        epochs=3, batch=8, learning_rate_share=0.5, learning_rate_final=0.1, engine="plain"
+    settings = UpdateConfig(
+        epochs=3, batch_size=8, learning_rate_share=0.5, lr_update_final_factor=0.1, backend="torch"
     )
     data, found, plain = regression(30), network(), network()
     losses = fit(found, make_optimizer(found, 1.0), data, settings, np.random.default_rng(5))
@@ -116,11 +116,16 @@ def test_fit_anneals_and_clips_as_a_plain_loop_does() -> None:
 
 @pytest.mark.parametrize(
     "changes",
-    [{"learning_rate_final": 1.0}, {"learning_rate_share": 1.0}, {"epochs": 4}, {"batch": 7}],
+    [
+        {"lr_update_final_factor": 1.0},
+        {"learning_rate_share": 1.0},
+        {"epochs": 4},
+        {"batch_size": 7},
+    ],
 )
 def test_every_setting_of_fit_changes_what_it_does(changes: dict[str, float]) -> None:
-    settings = PolicyUpdate(
-        epochs=3, batch=8, learning_rate_share=0.5, learning_rate_final=0.1, engine="plain"
+    settings = UpdateConfig(
+        epochs=3, batch_size=8, learning_rate_share=0.5, lr_update_final_factor=0.1, backend="torch"
     )
     first, second = network(), network()
     for one, asked in ((first, settings), (second, replace(settings, **changes))):
@@ -132,7 +137,7 @@ def test_batch_norm_is_estimated_over_all_of_d_and_not_its_first_part() -> None:
     data = transitions(EVALUATION_BATCH + 40)
     data.frames[EVALUATION_BATCH:] //= 4  # another picture: the first part does not stand for all
     found = network()
-    settings = PolicyUpdate(epochs=1, batch=64)
+    settings = UpdateConfig(epochs=1, batch_size=64)
     policy_update(found, make_optimizer(found, 1e-3), data, settings, np.random.default_rng(0))
     sums = found.integers(data.gather(data.observations).float())[:-1]
     mean = torch.cat([o.double().mean(dim=(0, 2, 3)) for o in sums])
@@ -143,13 +148,13 @@ def test_batch_norm_is_estimated_over_all_of_d_and_not_its_first_part() -> None:
 
 @pytest.mark.parametrize(
     "changes",
-    [{"alpha": 0.1}, {"beta": 9.0}, {"gamma": 0.1}, {"mask_terminals": True},
+    [{"alpha": 0.1}, {"beta": 9.0}, {"gamma": 0.1}, {"bootstrap_terminals": False},
      {"target": "dqn"}, {"relative_targets": True}],
 )  # fmt: skip
 def test_every_setting_of_the_targets_changes_what_is_fitted(changes: dict[str, object]) -> None:
     data = transitions(30, terminated=True)
     data.rewards[-1] = 50.0  # the terminal transition's target is the largest
-    settings = PolicyUpdate(alpha=0.6, beta=2.0, gamma=0.8, epochs=1, batch=8)
+    settings = UpdateConfig(alpha=0.6, beta=2.0, gamma=0.8, epochs=1, batch_size=8)
     reports = []
     for asked in (settings, replace(settings, **changes)):  # type: ignore[arg-type]
         one = network()
@@ -160,7 +165,7 @@ def test_every_setting_of_the_targets_changes_what_is_fitted(changes: dict[str, 
 
 def test_the_network_is_left_as_it_is_released() -> None:
     found, data = network(), transitions(20)
-    settings = PolicyUpdate(epochs=1, batch=8)
+    settings = UpdateConfig(epochs=1, batch_size=8)
     policy_update(found, make_optimizer(found, 1e-3), data, settings, np.random.default_rng(0))
     assert not found.training
     seen = data.gather(data.observations)

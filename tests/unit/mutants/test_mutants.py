@@ -3,13 +3,16 @@
 import ast
 import json
 import shutil
+import threading
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
 
 from tests.mutants import sampled
 from tests.mutants.aimed import Fault, faults
+from tests.mutants.copies import Copies
 from tests.mutants.modules import Module, modules
 from tests.mutants.mutations import mutated, mutations
 from tests.mutants.results import document
@@ -179,3 +182,18 @@ def test_what_is_equivalent_does_not_count() -> None:
     assert found["sampled"]["equivalent"] == {"3": "why"}
     assert (found["aimed"]["share"], found["aimed"]["by_verify"]) == (0.5, 1)
     assert found["how"] == {"seed": 3}
+
+
+def test_things_are_tried_beside_each_other_each_in_a_copy_of_its_own() -> None:
+    trees = [object(), object()]
+    both_at_once = threading.Barrier(2, timeout=20)
+
+    def attempt(tree: object, item: int) -> tuple[object, int]:
+        both_at_once.wait()
+        return tree, item
+
+    with ThreadPoolExecutor(2) as pool:
+        found = [*Copies(trees, pool).try_each(attempt, range(6))]  # type: ignore[arg-type]
+    assert [item for _, item in found] == [*range(6)]
+    for first in range(0, 6, 2):
+        assert {id(tree) for tree, _ in found[first : first + 2]} == {*map(id, trees)}

@@ -59,8 +59,8 @@ WHO: dict[str, dict[str, set[str]]] = {
     "@/1/router": {"ask": {"dashboard"}},
     **{keys.telemetry(role, "x"): {"publish": {role}, "get": {"dashboard"}} for role in ROLES},
     **{keys.health(role, "x"): {"ask": {"dashboard"}, "answer": {role}} for role in ROLES},
-    **{keys.control(role, "x"): {"ask": {"dashboard"}, "answer": {role}} for role in WORKERS},
-    **{keys.lease(RUN, role, 0, "x"): {"hold": {role}, "watch": {"dashboard"}} for role in WORKERS},
+    **{keys.control(role, "x"): {"ask": {"dashboard"}, "answer": {role}} for role in sorted(WORKERS)},
+    **{keys.lease(RUN, role, 0, "x"): {"hold": {role}, "watch": {"dashboard"}} for role in sorted(WORKERS)},
 }
 LARGE = {
     keys.frame(RUN, 0): MAX_PIXEL_BYTES,

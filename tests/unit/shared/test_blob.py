@@ -94,7 +94,7 @@ def dense(blob: WeightBlob) -> bytes:
     """Schema 1, which is written no more."""
     spec = blob.spec
     header = struct.pack(
-        "<4sHHHH16sIIf", b"BPNW", 1, spec.channels, spec.nodes, spec.actions,
+        "<4sHHHH16sIIf", b"BPNW", 1, spec.channels, spec.hidden_units, spec.actions,
         blob.run.bytes, blob.attempt, blob.version, blob.scale,
     )  # fmt: skip
     bits = b"".join(np.packbits(w > 0, bitorder="little").tobytes() for w in blob.weights)
@@ -212,7 +212,7 @@ def test_noise_is_refused(noise: bytes) -> None:
 
 def test_a_wrong_geometry_names_the_value() -> None:
     header = struct.pack("<4sHHHH16sIIf", b"BPNW", 1, 1, 0, 4, bytes(16), 0, 0, 1.0)
-    with pytest.raises(BlobError, match=r"nodes = 0 is outside 1\.\.1024"):
+    with pytest.raises(BlobError, match=r"hidden_units = 0 is outside 1\.\.1024"):
         WeightBlob.decode(header + bytes(100))
 
 
@@ -268,10 +268,10 @@ def test_content_digest_ignores_provenance_and_nothing_else(blob: WeightBlob, ru
 
 
 @pytest.mark.parametrize(
-    ("name", "low", "high"), [("channels", 1, 16), ("nodes", 1, 1024), ("actions", 2, 64)]
+    ("name", "low", "high"), [("channels", 1, 16), ("hidden_units", 1, 1024), ("actions", 2, 64)]
 )
 def test_a_networks_sizes_have_exactly_these_limits(name: str, low: int, high: int) -> None:
-    sizes = {"channels": 1, "nodes": 8, "actions": 4}
+    sizes = {"channels": 1, "hidden_units": 8, "actions": 4}
     for value in (low, high):
         spec = NetworkSpec(**sizes | {name: value})
         assert (

@@ -8,13 +8,12 @@ from hypothesis import strategies as st
 from paper import TASKS
 from pydantic import TypeAdapter, ValidationError
 
-from bpn_shared.spec.algorithms import AlgorithmName
 from bpn_shared.spec.config import ConfigError, RunConfig
 from bpn_shared.spec.tasks import TaskSpec
 
 TABLE_ONE = {
-    "alpha": 0.95, "beta": 1, "gamma": 0.99, "epochs": 50, "batch": 32, "iterations": 50,
-    "episodes": 10, "steps": 20, "datasets": 3,
+    "alpha": 0.95, "beta": 1, "gamma": 0.99, "epochs": 50, "batch_size": 32, "iterations": 50,
+    "episodes": 10, "steps": 20, "replay_iterations": 3,
 }  # fmt: skip
 
 
@@ -23,7 +22,7 @@ TABLE_ONE = {
     [
         ("reaching", {}),
         ("tracking", {"steps": 40}),
-        ("pan_tilt", {"nodes": 100, "beta": 3, "iterations": 150, "steps": 80}),
+        ("pan_tilt", {"hidden_units": 100, "beta": 3, "iterations": 150, "steps": 80}),
     ],
 )
 def test_presets_are_the_papers_where_it_gives_values(
@@ -32,7 +31,7 @@ def test_presets_are_the_papers_where_it_gives_values(
     config = RunConfig.for_task(task)
     expected = TABLE_ONE | differences
     assert {name: getattr(config, name) for name in expected} == expected
-    assert not config.mask_terminals  # Algorithm 1 as printed
+    assert config.bootstrap_terminals  # Algorithm 1 as printed
     of_task = config.task_spec
     assert (config.frame_channels, config.frames_stacked, config.frame_skip, config.actions) == (
         of_task.frame_channels,
@@ -56,16 +55,19 @@ def test_every_task_has_a_preset_and_observations_of_its_network(task: TaskSpec)
     [
         ({"alpha": 1.5}, "alpha = 1.5: Input should be less than or equal to 1"),
         ({"beta": 0}, "beta = 0: Input should be greater than 0"),
-        ({"nodes": "many"}, "nodes = 'many': Input should be a valid integer"),
+        ({"hidden_units": "many"}, "hidden_units = 'many': Input should be a valid integer"),
         ({"pacing": "slow"}, "pacing = 'slow': Input should be 'lockstep' or 'realtime'"),
         (
             {"task": "flying"},
             "task = 'flying': unknown; one of: gym:[MODULE:]ENVIRONMENT-ID, pan_tilt, reaching, tracking",
         ),
-        ({"algorithm": "sarsa"}, "algorithm = 'sarsa': Input should be 'bpn', 'bqn'"),
+        (
+            {"algorithm": "sarsa"},
+            "algorithm = 'sarsa': algorithm 'sarsa' is not installed here; there are: bpn, bqn",
+        ),
         (
             {"algorithm": "dpp", "alpha": 0.9},
-            "alpha = 0.9: dpp is CVI with alpha = 1; leave alpha out",
+            "alpha = 0.9: algorithm 'dpp' has alpha = 1; leave alpha out",
         ),
         (
             {"algorithm": "cvi", "kernel": "native"},
@@ -91,7 +93,7 @@ def test_every_task_has_a_preset_and_observations_of_its_network(task: TaskSpec)
         ({"task": "gym:"}, "task = 'gym:': must be gym:[MODULE:]ENVIRONMENT-ID"),
         ({"task": "gym"}, "task = 'gym': unknown; gym:[MODULE:]ENVIRONMENT-ID is what gym has"),
         ({"task": "reaching:far"}, "task = 'reaching:far': unknown; reaching is what reaching has"),
-        ({"task_spec": {}}, "task_spec: follows from the task; one of: task, algorithm"),
+        ({"task_spec": {}}, "task_spec: follows from the name; one of: task, algorithm"),
         ({"task": "gym:a b", "actions": 2}, "gym:[MODULE:]ENVIRONMENT-ID"),
         ({"task": "gym:a-b:C-v0", "actions": 2}, "gym:[MODULE:]ENVIRONMENT-ID"),
         ({"task": "gym:a..b:C-v0", "actions": 2}, "gym:[MODULE:]ENVIRONMENT-ID"),
@@ -112,7 +114,7 @@ def test_a_gym_environment_is_a_task_by_its_name() -> None:
     assert (task.name, task.actions, task.frame_shape) == ("gym:space/Some-v3", 5, (3, 84, 84))
     assert (config.network.channels, config.network.actions) == (12, 5)
     assert (task.rewards, task.return_metric, task.return_unit) == (None, "return", "")
-    assert config.mask_terminals
+    assert not config.bootstrap_terminals
     assert RunConfig.from_json(config.model_dump_json().encode(), source="x") == config
     assert RunConfig.for_task("gym:A-v0", actions="2").network.channels == 2
 
@@ -137,7 +139,7 @@ def test_json_gives_the_same_configuration(iteration: int, seed: int) -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "network", "update"),
+    ("name", "network", "targets"),
     [
         ("bpn", "binary", "cvi"),
         ("bqn", "binary", "dqn"),
@@ -146,15 +148,13 @@ def test_json_gives_the_same_configuration(iteration: int, seed: int) -> None:
         ("dpp", "float", "cvi"),
     ],
 )
-def test_an_algorithm_is_a_network_and_an_update(
-    name: AlgorithmName, network: str, update: str
-) -> None:
+def test_an_algorithm_is_a_network_and_targets(name: str, network: str, targets: str) -> None:
     for config in (
         RunConfig.bare("reaching", algorithm=name),
         RunConfig.for_task("pan_tilt", algorithm=name),
     ):
-        assert (config.algorithm_spec.network, config.algorithm_spec.update) == (network, update)
-        assert config.kernel == {"binary": "native", "float": "onnx"}[network]
+        assert (config.algorithm_spec.network, config.algorithm_spec.targets) == (network, targets)
+        assert config.kernel == "", "whatever an edge has"
         assert config.alpha == (1.0 if name == "dpp" else 0.95)
         assert RunConfig.from_json(config.model_dump_json().encode(), source="x") == config
 
@@ -163,7 +163,7 @@ def test_an_algorithm_is_a_network_and_an_update(
     ("name", "explores"),
     [("bpn", False), ("bqn", True), ("cvi", False), ("dqn", True), ("dpp", False)],
 )
-def test_only_dqn_explores_with_epsilon(name: AlgorithmName, explores: bool) -> None:
+def test_only_dqn_explores_with_epsilon(name: str, explores: bool) -> None:
     config = RunConfig.bare("reaching", algorithm=name, iterations=50)
     expected = [1.0, 0.05, 0.05] if explores else [0, 0, 0]
     assert [config.epsilon(i) for i in (0, 25, 49)] == pytest.approx(expected)
@@ -171,7 +171,7 @@ def test_only_dqn_explores_with_epsilon(name: AlgorithmName, explores: bool) -> 
 
 @given(st.integers(1, 200), st.floats(0, 1))
 def test_the_rate_falls_linearly_over_the_run(iterations: int, last: float) -> None:
-    config = RunConfig.bare("reaching", iterations=iterations, learning_rate_last=last)
+    config = RunConfig.bare("reaching", iterations=iterations, lr_run_final_factor=last)
     shares = [config.learning_rate_share(i) for i in range(iterations)]
     assert shares[0] == 1
     assert shares == sorted(shares, reverse=True)
@@ -179,38 +179,40 @@ def test_the_rate_falls_linearly_over_the_run(iterations: int, last: float) -> N
         assert shares[-1] == pytest.approx(last)
 
 
+BY_VALUE = {"task_spec", "algorithm_spec"}
 DEFAULTS: dict[str, Any] = {
     "env_kwargs": "", "env_wrappers": "", "frames_from": "auto", "observation_key": "", "crop": "",
     "max_over_frames": 1, "difference": False, "action_bins": 0, "disturb": "",
     "n_step": 1, "gap_floor": 0.0, "replay_transitions": 0, "max_updates": 0,
     "task": "reaching", "algorithm": "bpn", "seed": 0, "frame_channels": 1, "frames_stacked": 1,
     "frame_skip": 1, "actions": 14, "iterations": 50, "episodes": 10, "steps": 20, "epochs": 50,
-    "batch": 32, "datasets": 3, "alpha": 0.95, "beta": 1.0, "gamma": 0.99, "mask_terminals": False,
-    "relative_targets": False, "epsilon_initial": 1.0, "epsilon_final": 0.05, "nodes": 100,
-    "learning_rate": 1e-3, "learning_rate_final": 0.02, "learning_rate_last": 0.1,
-    "scale_initial": 0.2, "reward_scale": 0.1, "engine": "fast", "learners": 1, "device": "cpu",
+    "batch_size": 32, "replay_iterations": 3, "alpha": 0.95, "beta": 1.0, "gamma": 0.99,
+    "bootstrap_terminals": True, "relative_targets": False, "epsilon_initial": 1.0, "epsilon_final": 0.05,
+    "hidden_units": 100,
+    "learning_rate": 1e-3, "lr_update_final_factor": 0.02, "lr_run_final_factor": 0.1,
+    "scale_initial": 0.2, "reward_scale": 0.1, "backend": "native", "learners": 1, "device": "cpu",
     "tensorboard": False, "init_from": "",
     "evaluate_every": 0, "evaluate_episodes": 10, "stop_when": "", "callbacks": "",
-    "robots": 1, "pacing": "lockstep", "action_delay_ms": 0.0, "kernel": "native",
+    "robots": 1, "pacing": "lockstep", "action_delay_ms": 0.0, "kernel": "", "algorithm_options": "",
 }  # fmt: skip
 _FRAMED = {
     "frame_channels": 3,
     "frames_stacked": 2,
     "relative_targets": True,
-    "learning_rate_last": 0.05,
+    "lr_run_final_factor": 0.05,
 }
 PRESET_VALUES: dict[str, dict[str, Any]] = {
-    "reaching": {"nodes": 256, "relative_targets": True, "learning_rate_last": 0.05},
-    "tracking": {**_FRAMED, "actions": 7, "steps": 40, "nodes": 256, "reward_scale": 0.2},
+    "reaching": {"hidden_units": 256, "relative_targets": True, "lr_run_final_factor": 0.05},
+    "tracking": {**_FRAMED, "actions": 7, "steps": 40, "hidden_units": 256, "reward_scale": 0.2},
     "pan_tilt": {**_FRAMED, "actions": 17, "iterations": 150, "steps": 80, "beta": 3.0},
     "gym:CartPole-v1": {
         "frames_stacked": 2, "frame_skip": 3, "actions": 2, "iterations": 30, "episodes": 60,
-        "steps": 100, "epochs": 10, "datasets": 6, "alpha": 0.9, "gamma": 0.9,
-        "mask_terminals": True, "relative_targets": True, "nodes": 256, "learning_rate": 3e-3,
+        "steps": 100, "epochs": 10, "replay_iterations": 6, "alpha": 0.9, "gamma": 0.9,
+        "bootstrap_terminals": False, "relative_targets": True, "hidden_units": 256, "learning_rate": 3e-3,
         "scale_initial": 0.05, "reward_scale": 0.6,
     },
     "gym:Other-v0": {
-        "frames_stacked": 2, "actions": 5, "steps": 200, "mask_terminals": True, "reward_scale": 1.0,
+        "frames_stacked": 2, "actions": 5, "steps": 200, "bootstrap_terminals": False, "reward_scale": 1.0,
     },
 }  # fmt: skip
 
@@ -220,11 +222,11 @@ def test_every_default_and_preset_is_what_published_runs_were_made_with(task: st
     """A value that changes makes other weights of the same command."""
     given = {"actions": 5} if task == "gym:Other-v0" else {}
     expected = DEFAULTS | {"task": task} | PRESET_VALUES[task]
-    assert RunConfig.for_task(task, **given).model_dump(exclude={"task_spec"}) == expected
+    assert RunConfig.for_task(task, **given).model_dump(exclude=BY_VALUE) == expected
 
 
 def test_without_its_preset_a_task_has_the_fields_defaults() -> None:
-    assert RunConfig.bare("reaching").model_dump(exclude={"task_spec"}) == DEFAULTS
+    assert RunConfig.bare("reaching").model_dump(exclude=BY_VALUE) == DEFAULTS
 
 
 @given(st.integers(1, 60), st.integers(0, 59), st.floats(0, 1), st.floats(0, 1))
@@ -245,14 +247,14 @@ def test_epsilon_falls_on_a_line_over_half_of_the_run(
 
 @given(st.integers(2, 60), st.floats(0, 1))
 def test_the_learning_rate_falls_on_a_line_over_the_run(iterations: int, last: float) -> None:
-    config = RunConfig.bare("reaching", iterations=iterations, learning_rate_last=last)
+    config = RunConfig.bare("reaching", iterations=iterations, lr_run_final_factor=last)
     shares = [config.learning_rate_share(iteration) for iteration in range(iterations)]
     assert shares[0] == 1
     assert shares[-1] == pytest.approx(last)
     steps = [b - a for a, b in pairwise(shares)]
     assert steps == pytest.approx([(last - 1) / (iterations - 1)] * (iterations - 1))
     assert (
-        RunConfig.bare("reaching", iterations=1, learning_rate_last=last).learning_rate_share(0)
+        RunConfig.bare("reaching", iterations=1, lr_run_final_factor=last).learning_rate_share(0)
         == 1
     )
 
@@ -260,12 +262,13 @@ def test_the_learning_rate_falls_on_a_line_over_the_run(iterations: int, last: f
 RANGES: dict[str, tuple[float, float]] = {
     "seed": (0, 2**63 - 1), "frame_channels": (0, 3), "frames_stacked": (0, 16), "frame_skip": (0, 100),
     "actions": (0, 64), "iterations": (1, 100_000), "episodes": (1, 10_000), "steps": (1, 1000),
-    "epochs": (1, 10_000), "batch": (2, 4096), "datasets": (1, 1000), "nodes": (1, 1024), "learners": (1, 64),
+    "epochs": (1, 10_000), "batch_size": (2, 4096), "replay_iterations": (1, 1000), "hidden_units": (1, 1024),
+    "learners": (1, 64),
     "max_over_frames": (1, 100), "action_bins": (0, 64), "evaluate_every": (0, 100_000),
     "evaluate_episodes": (1, 1000), "n_step": (1, 100), "gap_floor": (0, 1e6),
     "replay_transitions": (0, 10_000_000), "max_updates": (0, 10_000_000),
     "robots": (1, 64), "alpha": (0, 1), "epsilon_initial": (0, 1), "epsilon_final": (0, 1),
-    "learning_rate_final": (0, 1), "learning_rate_last": (0, 1), "action_delay_ms": (0, 2000),
+    "lr_update_final_factor": (0, 1), "lr_run_final_factor": (0, 1), "action_delay_ms": (0, 2000),
     # above 0
     "beta": (math.ulp(0), 1e4), "learning_rate": (math.ulp(0), 1), "scale_initial": (math.ulp(0), 100),
     "reward_scale": (math.ulp(0), 1000),

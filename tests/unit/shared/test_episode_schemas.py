@@ -13,7 +13,7 @@ from paper import TASKS
 from bpn_shared.messages.base import MessageError, OtherVersionError
 from bpn_shared.messages.episode import Episode, EpisodeMeta, decode_meta
 from bpn_shared.messages.episode_form import MAX_BYTES
-from bpn_shared.spec.config import MAX_STEPS
+from bpn_shared.spec.sections import MAX_STEPS
 
 GOLDEN = Path(__file__).parents[2] / "golden" / "episodes"
 REACHING = TASKS["reaching"]

@@ -93,9 +93,9 @@ def signed(header: bytes, rest: bytes) -> bytes:
 
 
 def header(**changes: int) -> bytes:
-    fields = {"schema": 1, "channels": 1, "nodes": 8, "actions": 2, "model": 5} | changes
+    fields = {"schema": 1, "channels": 1, "hidden_units": 8, "actions": 2, "model": 5} | changes
     return struct.pack(
-        "<4sHHHH16sIII", b"BPNF", fields["schema"], fields["channels"], fields["nodes"],
+        "<4sHHHH16sIII", b"BPNF", fields["schema"], fields["channels"], fields["hidden_units"],
         fields["actions"], bytes(16), 0, 0, fields["model"],
     )  # fmt: skip
 
@@ -105,8 +105,8 @@ def test_whole_but_wrong_contents_are_named() -> None:
     assert isinstance(decode_weights(signed(header(), answer + b"model")), FloatWeights)
     with pytest.raises(BlobError, match="float policy schema 3, this program reads 1 and 2"):
         decode_weights(signed(header(schema=3), answer + b"model"))
-    with pytest.raises(BlobError, match=r"nodes = 0 is outside 1\.\.1024"):
-        decode_weights(signed(header(nodes=0), answer + b"model"))
+    with pytest.raises(BlobError, match=r"hidden_units = 0 is outside 1\.\.1024"):
+        decode_weights(signed(header(hidden_units=0), answer + b"model"))
     with pytest.raises(BlobError, match="model of 0 bytes"):
         decode_weights(signed(header(model=0), answer))
     with pytest.raises(BlobError, match="probe_outputs are not finite"):

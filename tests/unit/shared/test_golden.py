@@ -11,12 +11,12 @@ from bpn_shared.bnn import golden
 from bpn_shared.bnn.blob import WeightBlob
 from bpn_shared.spec.network import Convolution, NetworkSpec
 
-SPEC = NetworkSpec(channels=2, nodes=5, actions=3)
+SPEC = NetworkSpec(channels=2, hidden_units=5, actions=3)
 PAPER = ((8, 4, 20), (4, 2, 9), (3, 1, 7), (7, 1, 1), (1, 1, 1))
 """Kernel, stride and size of the output of each layer."""
 OTHER_SPEC = NetworkSpec(
     channels=3,
-    nodes=9,
+    hidden_units=9,
     actions=5,
     convolutions=(Convolution(5, 2, 7), Convolution(3, 3, 10)),
     image_px=30,

@@ -9,6 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from logged import lines
 
 from bpn_shared.runtime import heartbeat
 from bpn_shared.runtime.heartbeat import FILE_VARIABLE, READY_SUFFIX, Heartbeat
@@ -124,7 +125,7 @@ def test_a_full_disk_is_said_once_and_outlived(
     file.symlink_to("/dev/full")  # every write: no space left on device
 
     def said() -> list[str]:
-        return [r.message for r in caplog.records if r.name == heartbeat.__name__]
+        return lines(caplog, Heartbeat)
 
     with Heartbeat():
         wait_for(said, "the line")

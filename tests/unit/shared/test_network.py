@@ -59,7 +59,7 @@ def test_impossible_sizes_are_named(changes: dict[str, object], reason: str) -> 
     if "convolutions" in changes:
         changes |= {"convolutions": tuple(Convolution(*c) for c in changes["convolutions"])}  # type: ignore[attr-defined]
     with pytest.raises(ValueError, match=reason):
-        NetworkSpec(**{"channels": 1, "nodes": 100, "actions": 4} | changes)  # type: ignore[arg-type]
+        NetworkSpec(**{"channels": 1, "hidden_units": 100, "actions": 4} | changes)  # type: ignore[arg-type]
 
 
 def test_one_dimension_of_actions_is_the_default() -> None:

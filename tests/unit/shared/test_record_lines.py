@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from logged import lines
 
 from bpn_shared.runs.digests import DamagedError, seal_line
 from bpn_shared.runs.lines import RecordFile, read_line
@@ -54,7 +55,7 @@ def test_a_damaged_line_is_left_out_told_once_and_counted(
         for _ in range(3):
             assert [record["iteration"] for record in file.read(sealed=False)] == [1, 2]
     assert file.damaged == 1
-    (message,) = caplog.messages
+    (message,) = lines(caplog, RecordFile)
     assert "line 2 is damaged and left out" in message
 
 

@@ -5,11 +5,12 @@ import subprocess
 import sys
 
 import pytest
+from logged import lines
 
 from bpn_shared.bus.traffic import Traffic
 from bpn_shared.counters import Counters
 from bpn_shared.runtime.service import new_worker_id, protocol_of
-from bpn_shared.runtime.telemetry import Latencies, Reporter, WeightsMarks
+from bpn_shared.runtime.telemetry import Latencies, Reporter, WeightsTimeline
 from bpn_shared.version import PROTOCOL
 from bpn_shared.waiting import Waiting
 
@@ -21,7 +22,7 @@ def test_a_flood_of_refusals_is_counted_and_logged_by_powers_of_ten(
     for _ in range(250):
         counters.refuse("frames_refused", "bad frame")
     assert counters.snapshot() == {"frames_refused": 250}
-    assert len(caplog.records) == 3  # at 1, 10 and 100
+    assert len(lines(caplog, Counters)) == 3  # at 1, 10 and 100
 
 
 def test_the_newest_reason_of_every_kind_of_refusal_is_kept() -> None:
@@ -46,11 +47,11 @@ def test_waiting_is_said_once_and_reported(caplog: pytest.LogCaptureFixture) -> 
         waiting=waiting,
         counters=counters,
         latencies=Latencies(),
-        weights=WeightsMarks(),
+        weights=WeightsTimeline(),
     )
     waiting.set("a frame")
     waiting.set("a frame")
-    assert [r.message for r in caplog.records] == ["waiting for a frame"]
+    assert lines(caplog, Waiting) == ["waiting for a frame"]
     counters.add("frames", 2)
     said = json.loads(reporter.answer(b""))
     assert (said["kind"], said["worker"], said["run"], said["slot"]) == ("edge", "edge-1", None, 3)

@@ -18,7 +18,7 @@ from bpn_shared.runtime.telemetry import (
     Latencies,
     ProcessUsage,
     Reporter,
-    WeightsMarks,
+    WeightsTimeline,
 )
 from bpn_shared.waiting import Waiting
 
@@ -74,7 +74,7 @@ def test_memory_and_processor_are_what_the_system_says() -> None:
 def test_every_kind_of_service_can_report(kind: str) -> None:
     reporter = Reporter(
         kind, new_worker_id(kind), lambda: (uuid4(), 0), Traffic(), waiting=Waiting(),
-        counters=Counters(), latencies=Latencies(), weights=WeightsMarks(),
+        counters=Counters(), latencies=Latencies(), weights=WeightsTimeline(),
     )  # fmt: skip
     assert reporter.report().kind == kind
 
@@ -87,7 +87,7 @@ def test_a_report_holds_what_its_parts_know() -> None:
     waiting.set("x" * 600)
     reporter = Reporter(
         "edge", "edge-1", lambda: (None, None), traffic,
-        waiting=waiting, counters=counters, latencies=Latencies(), weights=WeightsMarks(),
+        waiting=waiting, counters=counters, latencies=Latencies(), weights=WeightsTimeline(),
     )  # fmt: skip
     report = reporter.report()
     assert type(report).decode(report.encode()) == report
@@ -104,7 +104,7 @@ def test_a_service_that_uses_many_keys_still_fits_into_a_message() -> None:
         traffic.received(f"bpn/{'0' * 36}/robot/{number}/action").add(1)
     reporter = Reporter(
         "edge", "edge-1", lambda: (None, None), traffic, waiting=Waiting(),
-        counters=Counters(), latencies=Latencies(), weights=WeightsMarks(),
+        counters=Counters(), latencies=Latencies(), weights=WeightsTimeline(),
     )  # fmt: skip
     report = reporter.report()
     assert type(report).decode(report.encode()) == report
@@ -116,7 +116,7 @@ def test_a_report_tells_how_long_the_certificates_are_good() -> None:
     lives = [None, Life(start, start + timedelta(days=365))]
     reporter = Reporter(
         "edge", "edge-1", lambda: (None, None), Traffic(), waiting=Waiting(), counters=Counters(),
-        latencies=Latencies(), weights=WeightsMarks(), certificate=lambda: lives[-1],
+        latencies=Latencies(), weights=WeightsTimeline(), certificate=lambda: lives[-1],
     )  # fmt: skip
     told = reporter.report().certificate
     assert told is not None

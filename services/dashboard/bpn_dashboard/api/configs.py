@@ -2,15 +2,55 @@
 
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, create_model
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    create_model,
+    model_validator,
+)
 
 from bpn_shared.spec.config import OPTIONS, RunConfig
+from bpn_shared.spec.renamed import called_now
 
 
 class Request(BaseModel):
     """The base of all bodies: nothing unknown, nothing converted."""
 
     model_config = ConfigDict(strict=True, extra="forbid")
+
+
+class _Values(Request):
+    """What has configuration keys; names of before are refused with those of today."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _todays_names(cls, values: Any) -> Any:
+        check_names(values)
+        return values
+
+
+def check_names(values: Any, prefix: str = "") -> None:
+    """Refuses configuration keys that have another name today.
+
+    Raises:
+        ValueError: the message says which, and how they are called.
+    """
+    if isinstance(values, dict):
+        told = [f"{name} {why}" for name in values if (why := _why(name, prefix)) is not None]
+        if told:
+            raise ValueError("; ".join(told))
+
+
+def _why(name: object, prefix: str) -> str | None:
+    return called_now(name.removeprefix(prefix)) if isinstance(name, str) else None
+
+
+def _key_of_today(key: Any) -> Any:
+    check_names({key: None} if isinstance(key, str) else {})
+    return key
 
 
 def _kinds() -> dict[str, Any]:
@@ -41,18 +81,18 @@ def _unique_schema(schema: dict[str, Any]) -> None:
 if TYPE_CHECKING:
     ConfigKey = str
 
-    class RunChanges(Request):
+    class RunChanges(_Values):
         """A task, and what is changed from its preset."""
 
-    class SweepGrid(Request):
+    class SweepGrid(_Values):
         """For configuration keys, the values to try."""
 
 else:
-    ConfigKey = Literal[OPTIONS]
+    ConfigKey = Annotated[Literal[OPTIONS], BeforeValidator(_key_of_today)]
 
     RunChanges = create_model(
         "RunChanges",
-        __base__=Request,
+        __base__=_Values,
         __doc__="A task, and what is changed from its preset.",
         **{
             name: (
@@ -67,7 +107,7 @@ else:
 
     SweepGrid = create_model(
         "SweepGrid",
-        __base__=Request,
+        __base__=_Values,
         __doc__="For configuration keys, the values to try.",
         **{
             name: (

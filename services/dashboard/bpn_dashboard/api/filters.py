@@ -2,8 +2,9 @@
 
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, create_model
+from pydantic import BaseModel, ConfigDict, Field, create_model, model_validator
 
+from bpn_dashboard.api.configs import check_names
 from bpn_dashboard.registry.query import SORT_KEYS, RunFilter
 from bpn_shared.spec.config import OPTIONS
 
@@ -22,6 +23,12 @@ _CONFIG_KEYS: dict[str, Any] = {
 
 class _Runs(BaseModel):
     model_config = ConfigDict(extra="forbid")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _todays_names(cls, values: Any) -> Any:
+        check_names(values, _CONFIG)
+        return values
 
     search: Annotated[
         str, Field(max_length=200, description="part of name, notes, tags or id, in any case")

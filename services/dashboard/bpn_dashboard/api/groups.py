@@ -7,8 +7,12 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 from bpn_dashboard.database.tables import RunRow
+from bpn_shared.spec.sections import ExecutionValues
 
 GroupBy = list[str] | Literal["all_but_seed"] | None
+
+_ANY = frozenset({"seed", *ExecutionValues.model_fields})
+"""In which runs that are alike may differ."""
 
 
 @dataclass(frozen=True)
@@ -30,7 +34,8 @@ class Group:
 def group_runs(runs: Sequence[RunRow], group_by: GroupBy) -> list[Group]:
     """The groups, in order of their oldest runs.
 
-    With "all_but_seed", a group is named by those values alone in which it differs from another.
+    With "all_but_seed", runs are alike whose learning is, wherever and with what it was done, and a group is named
+    by those values alone in which it differs from another.
     """
     if group_by is None:
         return [Group(run.id, run.name, {}, {run.id: run.seed}) for run in runs]
@@ -40,7 +45,7 @@ def group_runs(runs: Sequence[RunRow], group_by: GroupBy) -> list[Group]:
     first = [group[0].config for group in members.values()]
     shown = group_by
     if group_by == "all_but_seed":
-        keys = [key for key in first[0] if key != "seed"] if first else []
+        keys = [key for key in first[0] if key not in _ANY] if first else []
         shown = [key for key in keys if any(c.get(key) != first[0][key] for c in first)]
     groups = []
     for key, group in members.items():
@@ -53,7 +58,7 @@ def group_runs(runs: Sequence[RunRow], group_by: GroupBy) -> list[Group]:
 
 def _key(run: RunRow, group_by: list[str] | Literal["all_but_seed"]) -> str:
     if group_by == "all_but_seed":
-        values = {key: value for key, value in run.config.items() if key != "seed"}
+        values = {key: value for key, value in run.config.items() if key not in _ANY}
     else:
         values = {key: run.config.get(key) for key in group_by}
     return hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()[:16]

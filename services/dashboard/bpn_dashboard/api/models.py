@@ -111,6 +111,9 @@ class RemovedRun(BaseModel):
     removed_at_unix_s: float
     removed_by: Annotated[str, Field(description="empty: that could not be written down")]
     kept_until_unix_s: Annotated[float, Field(description="then it is deleted for good")]
+    size_bytes: Annotated[
+        int | None, Field(ge=0, description="of its files; null: that could not be written down")
+    ]
 
     @classmethod
     def of(cls, removed: Removed, name: str) -> Self:
@@ -121,6 +124,7 @@ class RemovedRun(BaseModel):
             removed_at_unix_s=removed.at_unix_s,
             removed_by=removed.by,
             kept_until_unix_s=removed.until_unix_s,
+            size_bytes=removed.size_bytes,
         )
 
 

@@ -22,6 +22,7 @@ from bpn_dashboard.api.models import (
 )
 from bpn_dashboard.api.problems import EXPECTED_ERRORS, ApiError, Problem, problem_of, responses
 from bpn_shared.runs.creation import configure
+from bpn_shared.spec.algorithms import Algorithm, NetworkKind, offered_algorithms
 from bpn_shared.spec.config import OPTIONS, RunConfig
 from bpn_shared.spec.installed import offered
 from bpn_shared.spec.tasks import TaskSpec
@@ -29,6 +30,32 @@ from bpn_shared.spec.tasks import TaskSpec
 router = APIRouter(tags=["runs"])
 
 _ETAG_HEADER = {"ETag": {"schema": {"type": "string"}, "description": "the run's revision"}}
+
+
+class AlgorithmChoice(BaseModel):
+    """An algorithm that runs can have."""
+
+    name: str
+    title: str
+    network: NetworkKind
+    preset: Annotated[
+        dict[str, Any], Field(description="what its runs begin with, before the task's")
+    ]
+    options: Annotated[
+        dict[str, Any], Field(description="its own options, and what they are if not given")
+    ]
+
+    @classmethod
+    def of(cls, algorithm: Algorithm) -> "AlgorithmChoice":
+        """What people who choose it want to know of it."""
+        spec = algorithm.spec
+        return cls(
+            name=spec.name,
+            title=spec.title or spec.name,
+            network=spec.network,
+            preset=spec.preset | spec.fixed,
+            options=algorithm.checked({}),
+        )
 
 
 class TaskChoice(BaseModel):
@@ -63,6 +90,7 @@ class ConfigSchema(BaseModel):
     schema_: dict[str, Any]
     presets: dict[str, dict[str, Any]]
     tasks: list[TaskChoice]
+    algorithms: list[AlgorithmChoice]
     defaults: dict[str, Any]
 
     model_config = {"alias_generator": lambda name: name.rstrip("_"), "populate_by_name": True}
@@ -87,14 +115,14 @@ def config_schema(_who: Viewer) -> ConfigSchema:
     """The schema of configurations, the values that each task begins with, and the defaults."""
     tasks = offered()
     bare = {f"{family}:": {"actions": 0} for family in tasks.families}
-    schema = RunConfig.model_json_schema()
+    algorithms = offered_algorithms()
+    properties = RunConfig.model_json_schema()["properties"]
+    properties["algorithm"]["enum"] = [algorithm.spec.name for algorithm in algorithms]
     return ConfigSchema(
-        schema_={
-            "type": "object",
-            "properties": {name: schema["properties"][name] for name in OPTIONS},
-        },
+        schema_={"type": "object", "properties": {name: properties[name] for name in OPTIONS}},
         presets={name: preset | bare.get(name, {}) for name, preset in tasks.presets.items()},
         tasks=[TaskChoice.of(task) for task in sorted(tasks.specs, key=_steps_of_run)],
+        algorithms=[AlgorithmChoice.of(algorithm) for algorithm in algorithms],
         defaults={name: _DEFAULTS[name] for name in OPTIONS if name in _DEFAULTS},
     )
 

@@ -64,9 +64,9 @@ class RunRow(Base):
     algorithm: Mapped[str]
     seed: Mapped[int] = mapped_column(BigInteger)
     config: Mapped[dict[str, Any]]
-    """Its values; of the task the name alone: the specification is in the run's folder."""
+    """Its values; of task and algorithm the names alone: the specifications are in the run's folder."""
     config_hash: Mapped[str]
-    """SHA-256 of the configuration's values as canonical JSON."""
+    """`runs.config_file.config_hash`, of what is learned alone. Empty: the row is made anew from its folder."""
 
     state: Mapped[str]
     desired_state: Mapped[str]

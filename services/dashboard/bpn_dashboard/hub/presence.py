@@ -4,7 +4,7 @@ from bpn_shared.bus.liveliness import AliveToken
 from bpn_shared.bus.session import Bus
 from bpn_shared.bus.telemetry import TelemetryPublisher
 from bpn_shared.counters import Counters
-from bpn_shared.runtime.telemetry import Latencies, Reporter, WeightsMarks
+from bpn_shared.runtime.telemetry import Latencies, Reporter, WeightsTimeline
 from bpn_shared.waiting import Waiting
 
 KIND = "dashboard"
@@ -22,7 +22,7 @@ class Presence:
             waiting=waiting,
             counters=counters,
             latencies=Latencies(),
-            weights=WeightsMarks(),
+            weights=WeightsTimeline(),
         )
         self._token = AliveToken(bus, KIND, name)
         self._telemetry = TelemetryPublisher(bus, KIND, name, reporter.report, counters)

@@ -17,6 +17,7 @@ from bpn_shared.runs.files import write_atomically
 from bpn_shared.runs.folder import RunFolder
 from bpn_shared.runs.opening import read_file
 from bpn_shared.spec.config import ConfigError
+from bpn_shared.spec.renamed import renamed, renamed_grid
 
 _FILE = "about.json"
 SWEEPS = "sweeps"
@@ -116,3 +117,10 @@ class SweepFile(_Mirror):
             return SweepRow(**sweep.model_dump())
         except (OSError, ValueError) as error:
             raise ConfigError(f"{runs_dir / SWEEPS / name}: {error}; {_REMEDY}") from error
+
+    @classmethod
+    def decode(cls, data: bytes) -> Self:
+        """As every mirror's; values that had another name then have today's."""
+        sweep = super().decode(data)
+        today = {"config": renamed(sweep.config), "grid": renamed_grid(sweep.grid)}
+        return sweep.model_copy(update=today)

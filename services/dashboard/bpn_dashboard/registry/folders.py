@@ -14,7 +14,7 @@ from bpn_dashboard.registry.about import About
 from bpn_dashboard.registry.errors import UnknownRunError
 from bpn_dashboard.registry.progress import Progress
 from bpn_dashboard.registry.states import observed
-from bpn_shared.runs.config_file import BEFORE_SCHEMA_3
+from bpn_shared.runs.config_file import config_hash
 from bpn_shared.runs.folder import RunFolder, is_run_id
 from bpn_shared.runs.trash import Removed, Trash
 from bpn_shared.spec.config import ConfigError
@@ -95,15 +95,13 @@ def name_in_trash(trash: Trash, run_id: str) -> str:
     return name_of(about, folder.raw_config())
 
 
-def config_hash(values: Mapping[str, Any]) -> str:
-    """SHA-256 of a configuration's values as canonical JSON.
+BY_VALUE = frozenset({"task_spec", "algorithm_spec"})
+"""What a row has the name of alone."""
 
-    Options of `gym:` tasks, callbacks and warm start that are off are left out, so that runs of before there were
-    any are told to be alike.
-    """
-    off = BEFORE_SCHEMA_3.items()
-    told = {key: value for key, value in values.items() if (key, value) not in off}
-    return hashlib.sha256(json.dumps(told, sort_keys=True).encode()).hexdigest()
+
+def _hash_of_values(values: Mapping[str, Any]) -> str:
+    """In place of `config_hash`, for a configuration that cannot be read: nobody knows what it means."""
+    return hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()
 
 
 def row_of(folder: RunFolder, about: About | None = None) -> RunRow:
@@ -122,11 +120,11 @@ def row_of(folder: RunFolder, about: About | None = None) -> RunRow:
     recorded = folder.state()
     try:
         config = folder.config()
-        values, error = config.model_dump(mode="json", exclude={"task_spec"}), recorded.error
-        metric = config.task_spec.return_metric
+        values, error = config.model_dump(mode="json", exclude=set(BY_VALUE)), recorded.error
+        metric, hash_ = config.task_spec.return_metric, config_hash(config)
     except ConfigError as unreadable:
         values, error = _shown_at_least(folder, unreadable), str(unreadable)
-        metric = RETURN
+        metric, hash_ = RETURN, _hash_of_values(values)
         about = about.model_copy(update={"desired_state": "stopped"})
     return RunRow(
         id=str(folder.run),
@@ -134,7 +132,7 @@ def row_of(folder: RunFolder, about: About | None = None) -> RunRow:
         algorithm=values["algorithm"],
         seed=values["seed"],
         config=values,
-        config_hash=config_hash(values),
+        config_hash=hash_,
         state=observed(
             recorded.state, about.desired_state, owned=False, elsewhere=folder.is_owned()
         ),
@@ -152,7 +150,7 @@ def row_of(folder: RunFolder, about: About | None = None) -> RunRow:
 
 def _shown_at_least(folder: RunFolder, unreadable: ConfigError) -> dict[str, Any]:
     """The values of a configuration that cannot be read, if they are enough for a row."""
-    values = {key: value for key, value in folder.raw_config().items() if key != "task_spec"}
+    values = {key: v for key, v in folder.raw_config().items() if key not in BY_VALUE}
     texts = all(isinstance(values.get(name), str) for name in ("task", "algorithm"))
     numbers = all(
         type(values.get(name)) is kind and least <= values[name] < 2**63

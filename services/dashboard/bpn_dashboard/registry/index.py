@@ -65,10 +65,13 @@ class Index:
         return {name: known.reason for name, known in sorted(self._unreadable.items())}
 
     def adopt(self) -> list[RunRow]:
-        """Adds rows for the folders that have none, and for those that were mended; returns them."""
+        """Adds rows for the folders that have none, and for those that were mended; returns them.
+
+        Rows without a hash are of an older database's schema, and are made anew.
+        """
         with self.making:
             with self._database.reading() as session:
-                known = set(session.scalars(select(RunRow.id)))
+                known = set(session.scalars(select(RunRow.id).where(RunRow.config_hash != "")))
                 sweeps = set(session.scalars(select(SweepRow.id)))
             rows = list(self._rows(known, sweeps))
             try:

@@ -15,6 +15,7 @@ from sqlalchemy.orm import InstrumentedAttribute, Session
 from bpn_dashboard.database.tables import RunRow
 from bpn_dashboard.registry.errors import FilterError
 from bpn_shared.spec.config import OPTIONS, RunConfig
+from bpn_shared.spec.renamed import called_now
 
 SORT_KEYS: dict[str, InstrumentedAttribute[Any]] = {
     column.key: column
@@ -144,7 +145,8 @@ def conditions(runs: RunFilter) -> list[ColumnElement[bool]]:
 
 def _config_is(key: str, text: str) -> ColumnElement[bool]:
     if key not in OPTIONS:
-        raise FilterError(f"config.{key} is unknown; one of: {', '.join(OPTIONS)}")
+        why = called_now(key) or f"is unknown; one of: {', '.join(OPTIONS)}"
+        raise FilterError(f"config.{key} {why}")
     known = RunConfig.model_fields[key]
     # Within its range: databases have one too.
     kind: Any = (

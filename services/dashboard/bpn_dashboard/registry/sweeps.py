@@ -9,6 +9,7 @@ from typing import Any
 
 from bpn_shared.runs.creation import Workplace, configure
 from bpn_shared.spec.config import OPTIONS, ConfigError, RunConfig
+from bpn_shared.spec.renamed import called_now
 
 MAX_RUNS = 1000
 
@@ -69,7 +70,8 @@ def _check(
     count = 1
     for key, values in axes.items():
         if key not in keys:
-            raise ConfigError(f"grid: {key}: unknown; one of: {', '.join(keys)}")
+            why = called_now(key) or f"unknown; one of: {', '.join(keys)}"
+            raise ConfigError(f"grid: {key}: {why}")
         if not values:
             raise ConfigError(f"grid: {key}: no values")
         seen = [_text(value) for value in values]

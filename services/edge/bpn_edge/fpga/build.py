@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from bpn_shared.spec.network import MAX_ACTIONS, MAX_CHANNELS, MAX_NODES, NetworkSpec
+from bpn_shared.spec.network import MAX_ACTIONS, MAX_CHANNELS, MAX_HIDDEN_UNITS, NetworkSpec
 
 LANES = 16
 """Outputs, and inputs, of the XNOR engine in one clock."""
@@ -17,7 +17,7 @@ class Build:
     Args:
         pixel_bytes: bytes of pixels that conv1 takes in one clock: 1, 2, 4, 8 or 16.
         channels: the largest C.
-        nodes: the largest N.
+        hidden_units: the largest N.
         actions: the largest |A|.
 
     Raises:
@@ -26,7 +26,7 @@ class Build:
 
     pixel_bytes: int = 4
     channels: int = MAX_CHANNELS
-    nodes: int = 256
+    hidden_units: int = 256
     actions: int = MAX_ACTIONS
 
     def __post_init__(self) -> None:
@@ -34,7 +34,7 @@ class Build:
             raise ValueError(f"pixel_bytes = {self.pixel_bytes} must be 1, 2, 4, 8 or 16")
         for name, most in (
             ("channels", MAX_CHANNELS),
-            ("nodes", MAX_NODES - 1),
+            ("hidden_units", MAX_HIDDEN_UNITS - 1),
             ("actions", MAX_ACTIONS),
         ):
             if not 2 <= getattr(self, name) <= most:
@@ -53,7 +53,7 @@ class Build:
         """Why a network does not run on this build; None: it does."""
         for name, size, most in (
             ("C", spec.channels, self.channels),
-            ("N", spec.nodes, self.nodes),
+            ("N", spec.hidden_units, self.hidden_units),
             ("|A|", spec.actions, self.actions),
         ):
             if size > most:

@@ -96,7 +96,7 @@ class Device:
     def memories(self, bank: int, spec: NetworkSpec) -> tuple[Words, Words, Words]:
         """What is in a bank's memories, as `packing.memories` has it."""
         beats, lanes = self.build.beats(spec.channels), self.build.pixel_bytes
-        node_groups, action_groups = groups(spec.nodes), groups(spec.actions)
+        node_groups, action_groups = groups(spec.hidden_units), groups(spec.actions)
         with self._lock:
             rows = [
                 self._memory(CONV1, bank, (row << self.build.beat_bits) * lanes, beats * lanes)
@@ -124,7 +124,7 @@ class Device:
             maps = (
                 self._map(MAPS, 0, 81),
                 self._map(MAPS, 128, 49),
-                self._map(MAPS, 192, groups(spec.nodes))[: spec.nodes],
+                self._map(MAPS, 192, groups(spec.hidden_units))[: spec.hidden_units],
             )
         return (conv1, *maps), outputs
 

@@ -19,11 +19,13 @@ def set_identity(build: Build) -> int:
 
 def render(build: Build) -> str:
     """The package's text."""
-    conv1, conv2, conv3, _, _ = NetworkSpec(build.channels, build.nodes, build.actions).layers
-    node_groups, action_groups = groups(build.nodes), groups(build.actions)
+    conv1, conv2, conv3, _, _ = NetworkSpec(
+        build.channels, build.hidden_units, build.actions
+    ).layers
+    node_groups, action_groups = groups(build.hidden_units), groups(build.actions)
     group_w, action_group_w = node_groups.bit_length() + (node_groups == 1), 3
     beat_w = build.beat_bits
-    most_matches = max(conv3.out_size**2 * conv3.out_channels + 1, build.nodes)
+    most_matches = max(conv3.out_size**2 * conv3.out_channels + 1, build.hidden_units)
     g_actions = 5
     g_nodes = g_actions + 7
     g_action_groups = g_nodes + 11
@@ -33,7 +35,7 @@ def render(build: Build) -> str:
         "The build": {
             "BYTES": build.pixel_bytes,
             "MAX_CHANNELS": build.channels,
-            "MAX_NODES": build.nodes,
+            "MAX_HIDDEN_UNITS": build.hidden_units,
             "MAX_ACTIONS": build.actions,
         },
         "Geometry": {
@@ -44,6 +46,7 @@ def render(build: Build) -> str:
             "FC1_WEIGHTS": FC1_WORD,
         },
         "Widths, of counters and sums": {
+            "PAIRS": max(1, build.pixel_bytes // 2),
             "BEAT_W": beat_w,
             "BLOCK_W": 5,
             "ROW_W": 7,

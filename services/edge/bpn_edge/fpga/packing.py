@@ -27,7 +27,7 @@ _NEVER = -785
 def weight_set(build: Build, blob: WeightBlob, *, bank: int, epoch: int) -> Words:
     """The set that loads a policy into a bank, uint32[n]."""
     spec = blob.spec
-    sizes = spec.channels | bank << 7 | spec.actions << 8 | spec.nodes << 16
+    sizes = spec.channels | bank << 7 | spec.actions << 8 | spec.hidden_units << 16
     header = np.array([set_identity(build), sizes, epoch], np.uint32)
     body = np.concatenate((header, *memories(build, blob)))
     return np.append(body, np.uint32(zlib.crc32(body.astype("<u4").tobytes())))
@@ -69,7 +69,7 @@ def parameters(build: Build, spec: NetworkSpec, held: tuple[Words, Words, Words]
         BlobError: they hold what no policy is stored as.
     """
     conv1, conv2, conv3, fc1, fc2 = spec.layers
-    node_groups, action_groups = groups(spec.nodes), groups(spec.actions)
+    node_groups, action_groups = groups(spec.hidden_units), groups(spec.actions)
     sides = _unpacked(held[0]).reshape(
         4, build.beats(spec.channels), 2, 2, conv1.out_channels, build.pixel_bytes
     )
@@ -92,7 +92,7 @@ def parameters(build: Build, spec: NetworkSpec, held: tuple[Words, Words, Words]
         "fc1": _unpacked(parts[5])
         .reshape(49, -1, LANES)
         .transpose(1, 0, 2)
-        .reshape(-1, fc1.fan_in)[: spec.nodes],
+        .reshape(-1, fc1.fan_in)[: spec.hidden_units],
         "fc2": _unpacked(parts[6])
         .reshape(action_groups, node_groups, LANES, LANES)
         .transpose(0, 2, 1, 3)

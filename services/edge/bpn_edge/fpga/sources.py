@@ -5,7 +5,6 @@ from pathlib import Path
 from bpn_edge.fpga.build import Build
 from bpn_edge.fpga.package import render
 
-TOP = "bpn_core"
 _PACKAGE = Path(__file__).parents[1]
 
 

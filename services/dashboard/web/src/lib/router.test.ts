@@ -33,6 +33,6 @@ test('values that a page does not know fall back to its default', () => {
 });
 
 test('parameters with a prefix come together', () => {
-  const view = View.parse('?config.alpha=0.9&config.nodes=100&task=pointing');
+  const view = View.parse('?config.alpha=0.9&config.hidden_units=100&task=pointing');
   expect(view.prefixed('config.')).toEqual({ alpha: '0.9', nodes: '100' });
 });

@@ -63,8 +63,8 @@ test('chosen runs stand for themselves, a filter is gathered over seeds', () => 
     filter: { sweep_id: 's', 'config.alpha': '0.9' },
     group_by: 'all_but_seed',
   });
-  const by = sweep.with({ by: ['alpha', 'nodes'] });
-  expect(groupingOf(by, subjectOf(by)!)).toEqual(['alpha', 'nodes']);
+  const by = sweep.with({ by: ['alpha', 'hidden_units'] });
+  expect(groupingOf(by, subjectOf(by)!)).toEqual(['alpha', 'hidden_units']);
   expect(groupingOf(by.with({ by: ['run'] }), subjectOf(by)!)).toBeNull();
   expect(subjectOf(View.parse('?page=compare&by=alpha'))).toBeNull();
   expect(metricsOf(View.parse('?metrics=loss,scale'), ['return_px'])).toEqual(['loss', 'scale']);
@@ -74,7 +74,7 @@ const MAP: Heatmap = {
   metric: 'return_px',
   value: 'last_mean',
   x: { key: 'alpha', values: [0.5, 0.9] },
-  y: { key: 'nodes', values: [50, 100] },
+  y: { key: 'hidden_units', values: [50, 100] },
   cells: [
     { x: 0.5, y: 50, n: 3, mean: -300, std: 10, run_ids: [] },
     { x: 0.9, y: 50, n: 1, mean: -200, std: null, run_ids: [] },

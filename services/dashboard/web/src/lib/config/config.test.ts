@@ -12,10 +12,10 @@ const SCHEMA: ConfigSchema = {
       task: { type: 'string', default: 'pointing' },
       algorithm: { enum: ['bpn', 'bqn'], default: 'bpn' },
       seed: { type: 'integer', minimum: 0, exclusiveMaximum: 2 ** 63, default: 0 },
-      nodes: { type: 'integer', minimum: 1, maximum: 1024, default: 100, description: 'N' },
+      hidden_units: { type: 'integer', minimum: 1, maximum: 1024, default: 100, description: 'N' },
       alpha: { type: 'number', minimum: 0, maximum: 1, default: 0.95 },
       beta: { type: 'number', exclusiveMinimum: 0, maximum: 10_000, default: 1 },
-      mask_terminals: { type: 'boolean', default: false },
+      bootstrap_terminals: { type: 'boolean', default: true },
       env_kwargs: { type: 'string', default: '' },
       crop: { type: 'string', default: '' },
       difference: { type: 'boolean', default: false },
@@ -23,7 +23,7 @@ const SCHEMA: ConfigSchema = {
       invented_later: { type: 'integer', default: 1 },
     },
   },
-  presets: { pointing: { nodes: 256 }, sorting: { beta: 3 }, 'gym:': { beta: 2, nodes: 50 } },
+  presets: { pointing: { hidden_units: 256 }, sorting: { beta: 3 }, 'gym:': { beta: 2, hidden_units: 50 } },
   tasks: [
     { name: 'pointing', title: 'Pointing', ...TASK },
     { name: 'sorting', title: 'Sorting', ...TASK },
@@ -44,14 +44,14 @@ test('every key of the schema has its field, also one that nobody placed', () =>
 });
 
 test.each([
-  ['nodes', '1,024', 'must be a number'],
-  ['nodes', '3.5', 'must be a whole number'],
-  ['nodes', '1025', 'must be from 1 to 1,024'],
+  ['hidden_units', '1,024', 'must be a number'],
+  ['hidden_units', '3.5', 'must be a whole number'],
+  ['hidden_units', '1025', 'must be from 1 to 1,024'],
   ['alpha', '', 'must be a number'],
   ['alpha', '1.01', 'must be from 0 to 1'],
   ['beta', '0', 'must be above 0, at most 10,000'],
   ['seed', '-1', 'must be at least 0'],
-  ['mask_terminals', 'yes', 'must be true or false'],
+  ['bootstrap_terminals', 'yes', 'must be true or false'],
   ['algorithm', 'dqn', 'must be one of bpn, bqn'],
 ])('%s = %s %s', (key, text, wrong) => expect(parseValue(field(key), text)).toEqual({ wrong }));
 
@@ -69,19 +69,19 @@ test('what a number prints as is read back', () => {
 });
 
 test('a task has its preset over the defaults', () => {
-  expect(presetOf(SCHEMA, 'pointing')).toMatchObject({ nodes: 256, beta: 1, task: 'pointing' });
-  expect(presetOf(SCHEMA, 'sorting')).toMatchObject({ nodes: 100, beta: 3 });
+  expect(presetOf(SCHEMA, 'pointing')).toMatchObject({ hidden_units: 256, beta: 1, task: 'pointing' });
+  expect(presetOf(SCHEMA, 'sorting')).toMatchObject({ hidden_units: 100, beta: 3 });
 });
 
 test('a Gymnasium environment has the preset of its kind, and needs an id', () => {
   expect(presetOf(SCHEMA, 'gym:Some-v0')).toMatchObject({
-    nodes: 50,
+    hidden_units: 50,
     beta: 2,
     task: 'gym:Some-v0',
   });
-  const draft = draftOf(SCHEMA, { task: 'gym:space/Some-v0', nodes: 60 });
+  const draft = draftOf(SCHEMA, { task: 'gym:space/Some-v0', hidden_units: 60 });
   expect(read(SCHEMA, draft)).toMatchObject({
-    config: { task: 'gym:space/Some-v0', nodes: 60 },
+    config: { task: 'gym:space/Some-v0', hidden_units: 60 },
     wrong: {},
   });
   for (const task of ['gym:minigrid:Empty-5x5-v0', 'gym:some.pack:space/Some-v0']) {
@@ -93,14 +93,14 @@ test('a Gymnasium environment has the preset of its kind, and needs an id', () =
 });
 
 test('only what differs from the preset is asked for', () => {
-  const draft = draftOf(SCHEMA, { task: 'pointing', nodes: 256, alpha: 0.8, algorithm: 'bqn' });
+  const draft = draftOf(SCHEMA, { task: 'pointing', hidden_units: 256, alpha: 0.8, algorithm: 'bqn' });
   expect(read(SCHEMA, draft)).toMatchObject({
     config: { task: 'pointing', alpha: 0.8, algorithm: 'bqn' },
     runs: 1,
     wrong: {},
   });
   draft.task = 'sorting';
-  draft.texts = { beta: '3', nodes: 'many' };
+  draft.texts = { beta: '3', hidden_units: 'many' };
   expect(read(SCHEMA, draft)).toMatchObject({
     config: { task: 'sorting', algorithm: 'bqn' },
     wrong: { nodes: 'must be a number' },
@@ -122,13 +122,13 @@ test('a sweep is its grid times its seeds, and says where it is wrong', () => {
     runs: 30,
     wrong: {},
   });
-  draft.axes = [{ key: 'nodes', text: '100 100' }];
+  draft.axes = [{ key: 'hidden_units', text: '100 100' }];
   draft.seeds = '5-2';
   expect(read(SCHEMA, draft).wrong).toEqual({
     'grid.nodes': '100 stands twice',
     seeds: '5-2: must rise, and by less than 1000',
   });
-  draft.axes = [{ key: 'nodes', text: '1-900' }];
+  draft.axes = [{ key: 'hidden_units', text: '1-900' }];
   draft.seeds = '0-1';
   expect(read(SCHEMA, draft).wrong.seeds).toContain('1800 runs');
 });
@@ -160,7 +160,7 @@ test('texts are separated by semicolons, since they have commas in them', () => 
 });
 
 test('lists of values', () => {
-  expect(parseValues(field('nodes'), '50..52')).toEqual({ values: [50, 51, 52] });
+  expect(parseValues(field('hidden_units'), '50..52')).toEqual({ values: [50, 51, 52] });
   expect(parseValues(field('alpha'), ' ,0.5,')).toEqual({ values: [0.5] });
   expect(parseValues(field('alpha'), '')).toEqual({ wrong: 'needs at least one value' });
   expect(parseValues(field('alpha'), '0-1')).toEqual({ wrong: '0-1 must be a number' });

@@ -40,25 +40,26 @@ const SECTIONS: { title: string; open: boolean; keys: string[] }[] = [
   {
     title: 'Run',
     open: true,
-    keys: ['seed', 'iterations', 'nodes', 'alpha', 'beta', 'robots', 'init_from'],
+    keys: ['seed', 'iterations', 'hidden_units', 'alpha', 'beta', 'robots', 'init_from'],
   },
   {
     title: 'Data of an iteration',
     open: false,
-    keys: ['episodes', 'steps', 'datasets', 'reward_scale'],
+    keys: ['episodes', 'steps', 'replay_iterations', 'reward_scale'],
   },
   {
     title: 'Policy update',
     open: false,
     keys: [
       'epochs',
-      'batch',
+      'batch_size',
       'gamma',
-      'mask_terminals',
+      'bootstrap_terminals',
       'learning_rate',
-      'learning_rate_final',
-      'learning_rate_last',
+      'lr_update_final_factor',
+      'lr_run_final_factor',
       'scale_initial',
+      'algorithm_options',
     ],
   },
   {

@@ -37,7 +37,7 @@ export function differingKeys(runs: readonly Run[]): string[] {
   );
 }
 
-/** What a group is called: "alpha 0.95, nodes 100". */
+/** What a group is called: "alpha 0.95, hidden_units 100". */
 export function groupLabel(values: Record<string, ConfigValue>): string {
   const parts = Object.entries(values).map(([key, value]) => `${key} ${configValue(value)}`);
   return parts.join(', ') || 'all runs';

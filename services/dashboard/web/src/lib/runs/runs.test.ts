@@ -19,7 +19,7 @@ function aRun(i: number, change: Partial<Run> = {}): Run {
     task: 'pointing',
     algorithm: 'bpn',
     seed: i,
-    config: { alpha: 0.9, nodes: 100, seed: i },
+    config: { alpha: 0.9, hidden_units: 100, seed: i },
     config_hash: '',
     attempt: 1,
     iteration: i,
@@ -181,7 +181,7 @@ test('groups hold every run once, with figures of all of them', () => {
   });
   expect(countOf(14, 3)).toBe('14 runs, 3 seeds');
   expect(countOf(3, 3)).toBe('3 runs');
-  expect(groupLabel({ alpha: 0.95, nodes: 100 })).toBe('alpha 0.95, nodes 100');
+  expect(groupLabel({ alpha: 0.95, hidden_units: 100 })).toBe('alpha 0.95, hidden_units 100');
 });
 
 test('a filter survives the trip through a URL', () => {
@@ -197,9 +197,9 @@ test('a filter survives the trip through a URL', () => {
 });
 
 test('key=value in the search becomes a filter, other words stay', () => {
-  const keys = new Set(['alpha', 'nodes']);
-  expect(parseSearch('wide alpha=0.95  x=y nodes=', keys)).toEqual({
-    search: 'wide x=y nodes=',
+  const keys = new Set(['alpha', 'hidden_units']);
+  expect(parseSearch('wide alpha=0.95  x=y hidden_units=', keys)).toEqual({
+    search: 'wide x=y hidden_units=',
     config: { alpha: '0.95' },
   });
 });
