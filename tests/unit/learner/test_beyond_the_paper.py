@@ -1,6 +1,7 @@
 """Options that go beyond Algorithm 1, in a policy update: n steps, a floor of the gap, at most so many steps."""
 
 from dataclasses import replace
+from typing import cast
 
 import numpy as np
 import pytest
@@ -31,16 +32,14 @@ lengths_of = st.lists(st.integers(1, 6), min_size=1, max_size=4)
 algorithms = st.sampled_from(["bpn", "bqn"])
 
 
-class Known(Policy):
+class Known:
     """A policy whose preferences are given, by the first pixel of what is seen."""
 
     def __init__(self, table: torch.Tensor) -> None:
-        super().__init__((), (), (), 1.0)
-        object.__setattr__(self, "table", table)
+        self._table = table
 
     def preferences(self, seen: torch.Tensor) -> torch.Tensor:
-        table: torch.Tensor = self.__dict__["table"]
-        return table[seen[:, 0, 0, 0].long()]
+        return self._table[seen[:, 0, 0, 0].long()]
 
 
 def episodes(seed: int, lengths: list[int]) -> list[EpisodeData]:
@@ -94,7 +93,7 @@ def test_targets_are_those_that_bpn_verify_computes(
         )
         for e in data
     ]  # fmt: skip
-    verified = verified_targets(config, played, Known(table), offset)
+    verified = verified_targets(config, played, cast(Policy, Known(table)), offset)
     torch.testing.assert_close(y, verified.y, rtol=1e-5, atol=1e-4)
     assert c == pytest.approx(verified.offset, abs=1e-3)
 
@@ -142,10 +141,12 @@ def test_no_more_steps_than_asked_for_and_the_rate_falls_to_its_end(
 
 
 def test_an_update_ends_within_an_epoch() -> None:
-    spec = NetworkSpec(channels=1, nodes=8, actions=ACTIONS)
+    spec = NetworkSpec(channels=1, hidden_units=8, actions=ACTIONS)
     rng = np.random.default_rng(0)
     data = [
-        EpisodeData(rng.integers(0, 256, (11, 1, 84, 84), np.uint8), rng.integers(0, 4, 10), rng.normal(size=10), False)
+        EpisodeData(
+            rng.integers(0, 256, (11, 1, 84, 84), np.uint8), rng.integers(0, 4, 10), rng.normal(size=10), False
+        )
         for _ in range(3)
     ]  # fmt: skip
     D = Transitions.from_episodes(data, frames_stacked=1)
