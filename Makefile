@@ -151,6 +151,10 @@ $(DOCS)/.installed: pyproject.toml constraints.txt
 docs: $(DOCS)/.installed ## the docs site into site/, searchable offline; a warning is an error
 	NO_MKDOCS_2_WARNING=1 $(DOCS)/bin/mkdocs build --strict --quiet
 
+test-cross: $(DEV) ## kernels and exported C on aarch64 and armv7: cross-compiled, run in qemu (downloads 500 MB of compilers)
+	sh deploy/check-system.sh $(PYTHON) cross
+	BPN_CROSS=1 $(BIN)/pytest tests/cross
+
 coverage: $(DEV) ## which lines unit and contract tests run, in htmlcov/
 	$(BIN)/coverage run -m pytest -q tests/unit tests/contract
 	$(BIN)/coverage html -q

@@ -1,8 +1,8 @@
 #!/bin/sh
 # Checks for what pip cannot bring: a C++ compiler, Python's headers, an OpenGL library that renders
 # without a display; for the tests of the web UI, Chromium; for those of the alerts, Prometheus, which is not left
-# running. As root on Debian or Ubuntu it installs what is missing; elsewhere it says how.
-# usage: check-system.sh [PYTHON [browser|observability]]
+# running; for those on other processors, cross compilers and qemu. As root on Debian or Ubuntu it installs what is missing; elsewhere it says how.
+# usage: check-system.sh [PYTHON [browser|observability|cross]]
 set -eu
 python=${1:-python3}
 what=${2:-}
@@ -36,6 +36,11 @@ if [ "$what" = browser ]; then
 fi
 if [ "$what" = observability ]; then
     need prometheus sh -c 'command -v prometheus && command -v promtool'
+fi
+if [ "$what" = cross ]; then # compilers for aarch64 and armv7, and an emulator of both
+    need g++-aarch64-linux-gnu command -v aarch64-linux-gnu-g++
+    need g++-arm-linux-gnueabihf command -v arm-linux-gnueabihf-g++
+    need qemu-user command -v qemu-aarch64
 fi
 need g++ command -v g++
 need python3-venv "$python" -c 'import ensurepip'

@@ -22,23 +22,62 @@ EXIT_FAILED, EXIT_INPUT, EXIT_INTERRUPTED = 1, 2, 130
 
 
 class Command(NamedTuple):
-    """Where a command is, and what it does in a few words."""
+    """Where a command is, what it does in a few words, and how it is used."""
 
     module: str
     help: str
+    examples: tuple[str, ...]
 
 
 COMMANDS = {
-    "up": Command("up", "start the dashboard and workers"),
-    "train": Command("train", "train a policy"),
-    "runs": Command("runs", "list, start, stop and remove runs"),
-    "eval": Command("evaluate", "play a trained policy"),
-    "export": Command("export", "write a run or its policy for others: ONNX, C, tables, ..."),
-    "verify": Command("verify", "recompute what a run says, in other code"),
-    "reproduce": Command("reproduce", "make a figure or table of the paper"),
-    "dashboard": Command("dashboard", "care of the dashboard's database"),
-    "bench": Command("bench", "measure kernel, learner, learners, loop or dashboard"),
-    "doctor": Command("doctor", "check this machine"),
+    "up": Command(
+        "up",
+        "start the dashboard and workers",
+        ("bpn up --first-run reaching", "bpn up --learners 2 --port 0"),
+    ),
+    "train": Command(
+        "train",
+        "train a policy",
+        (
+            "bpn train reaching --seed 1",
+            "bpn train gym:CartPole-v1 --iterations 20 --robots 2",
+            "bpn train --resume RUN",
+        ),
+    ),
+    "runs": Command(
+        "runs",
+        "list, start, stop and remove runs",
+        (
+            "bpn runs ls --sort=-return_best",
+            "bpn runs show RUN",
+            "bpn runs prune --keep 20 --dry-run",
+        ),
+    ),
+    "eval": Command(
+        "evaluate",
+        "play a trained policy",
+        ("bpn eval RUN --trials 20", "bpn eval RUN --policy softmax --video play.mp4"),
+    ),
+    "export": Command(
+        "export",
+        "write a run or its policy for others: ONNX, C, tables, ...",
+        ("bpn export RUN --format onnx", "bpn export RUN --format c --output policy.c"),
+    ),
+    "verify": Command("verify", "recompute what a run says, in other code", ("bpn verify RUN",)),
+    "reproduce": Command(
+        "reproduce",
+        "make a figure or table of the paper",
+        ("bpn reproduce tracking --jobs 2", "bpn reproduce latency --quick"),
+    ),
+    "dashboard": Command(
+        "dashboard", "care of the dashboard's database", ("bpn dashboard reindex",)
+    ),
+    "bench": Command(
+        "bench",
+        "measure kernel, learner, learners, loop or dashboard",
+        ("bpn bench kernel", "bpn bench loop --pace own"),
+    ),
+    "doctor": Command("doctor", "check this machine", ("bpn doctor",)),
 }
 
 
@@ -57,6 +96,8 @@ def parse(arguments: Sequence[str]) -> argparse.Namespace:
         if name in arguments[:1]:
             module = importlib.import_module(f"bpn.commands.{command.module}")
             own.description = module.__doc__
+            own.epilog = "\n".join(["examples:", *(f"  {one}" for one in command.examples)])
+            own.formatter_class = argparse.RawDescriptionHelpFormatter
             module.add_options(own, arguments[1:])
     if not arguments:
         parser.print_help(sys.stderr)

@@ -1,4 +1,4 @@
-"""Hedged Q-learning: what it is, and how it acts. Whoever creates a run and the edges import this, so: no torch."""
+"""Hedged Q-learning: what it is, and how it acts. Edges and whoever creates a run import this, so: no torch."""
 
 from collections.abc import Callable
 from typing import Annotated

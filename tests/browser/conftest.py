@@ -138,17 +138,34 @@ class Dashboard:
         raise LookupError("`bpn up` has no dashboard process")
 
 
+Begin = Callable[..., contextlib.AbstractContextManager[Dashboard]]
+
+
 @pytest.fixture(scope="session")
-def dashboard(
+def begin_dashboard(
     tmp_path_factory: pytest.TempPathFactory,
     command: Callable[..., list[str]],
     wait_for: Callable[..., None],
+) -> Begin:
+    """Starts router, dashboard, a learner, a robot and two edges, one of them idle; the first run is stopped."""
+
+    @contextlib.contextmanager
+    def begin(environment: dict[str, str] | None = None) -> Iterator[Dashboard]:
+        runs_dir = tmp_path_factory.mktemp("runs")
+        arguments = ["up", "--port", "0", "--edges", "2", "--first-run", "reaching"]
+        arguments += ["--runs-dir", str(runs_dir)]
+        yield from _serving(command(*arguments), runs_dir, environment, wait_for)
+
+    return begin
+
+
+def _serving(
+    command: list[str],
+    runs_dir: Path,
+    environment: dict[str, str] | None,
+    wait_for: Callable[..., None],
 ) -> Iterator[Dashboard]:
-    """Router, dashboard, a learner, a robot and two edges, one of them idle; the first run is stopped."""
-    runs_dir = tmp_path_factory.mktemp("runs")
-    arguments = ["up", "--port", "0", "--edges", "2", "--first-run", "reaching"]
-    arguments += ["--runs-dir", str(runs_dir)]
-    process = subprocess.Popen(command(*arguments), stdout=subprocess.PIPE, text=True)
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment)
     link: queue.Queue[str] = queue.Queue()
     threading.Thread(target=_find_link, args=(process, link), daemon=True).start()
     try:
@@ -160,6 +177,13 @@ def dashboard(
     finally:
         process.terminate()
         process.wait(60)
+
+
+@pytest.fixture(scope="session")
+def dashboard(begin_dashboard: Begin) -> Iterator[Dashboard]:
+    """The one that most tests share."""
+    with begin_dashboard() as running:
+        yield running
 
 
 def _find_link(process: subprocess.Popen[str], link: "queue.Queue[str]") -> None:

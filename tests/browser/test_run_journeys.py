@@ -65,7 +65,9 @@ def test_a_gymnasium_environment_is_started_like_any_task(page: Page, watch: Any
     dialog = page.get_by_role("dialog", name="Start a run")
     dialog.get_by_role("radio", name="Gymnasium").check()
     dialog.get_by_role("button", name="Start run").click()
-    expect(dialog.get_by_text("must be the id of an environment")).to_be_visible()
+    expect(
+        dialog.get_by_text("must be [MODULE:]ENVIRONMENT-ID, such as CartPole-v1")
+    ).to_be_visible()
     environment = dialog.get_by_label("Environment", exact=True)
     environment.fill("Pendulum-v1")
     dialog.get_by_role("button", name="Start run").click()

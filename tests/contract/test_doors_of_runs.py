@@ -72,7 +72,9 @@ WRONG: list[tuple[str, Values, str]] = [
 ]
 
 
-PLUGINS = [plugins.CALLBACKS, plugins.REWARDS, plugins.KERNELS, plugins.ROBOTS]
+PLUGINS = [
+    plugins.CALLBACKS, plugins.REWARDS, plugins.TARGETS, plugins.KERNELS, plugins.SELECTIONS, plugins.ROBOTS,
+]  # fmt: skip
 
 
 def telling(role: Role, **without: str) -> LeaseRequest:
@@ -241,7 +243,9 @@ def test_without_a_robot_worker_unknown_actions_are_one_clear_sentence(served: S
     [
         ("learner", "callback", "best", "connected learners"),
         ("learner", "rewards", "reaching", "connected learners"),
+        ("learner", "targets", "cvi", "connected learners"),
         ("edge", "kernel", "native", "connected edges"),
+        ("edge", "action selection", "softmax", "connected edges"),
         ("robot_sim", "robot", "reaching", "connected robots"),
     ],
 )
@@ -249,7 +253,7 @@ def test_what_no_worker_has_that_would_need_it_is_said_and_nothing_is_made(
     role: Role, noun: str, name: str, who: str, served: Served
 ) -> None:
     by_dashboard = {name: door for name, door in doors(served).items() if name != "command_line"}
-    values = {"callbacks": "best"}
+    values = {"callbacks": "best", "kernel": "native"}
     others = [told for told in served.told if told.role != role]
     served.told = [*others, telling(role, **{noun: name}), telling(role, **{noun: name})]
     for door_name, door in by_dashboard.items():

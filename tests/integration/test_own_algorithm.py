@@ -1,4 +1,4 @@
-"""An algorithm from another package, installed from a folder: it trains, and is offered and verified as ours are."""
+"""An algorithm from another package, installed from a folder: it trains, is offered and verified as ours are."""
 
 import json
 import os

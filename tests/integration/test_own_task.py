@@ -2,14 +2,13 @@
 
 import json
 import os
-import shutil
 import subprocess
-import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
+from example_packages import install_examples
 from pool import Pool, running_pool
 
 from bpn.testing import check_task
@@ -20,21 +19,13 @@ from bpn_shared.spec.tasks import TaskOptions
 Command = Callable[..., list[str]]
 WaitFor = Callable[..., None]
 LONG_S = 150.0
-EXAMPLE = Path(__file__).parents[2] / "examples/own_task"
 
 
 @pytest.fixture(scope="module")
 def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder into which the example is installed."""
-    site, source = tmp_path_factory.mktemp("site"), tmp_path_factory.mktemp("source") / "own_task"
-    shutil.copytree(EXAMPLE, source)  # a build leaves things behind
-    subprocess.run(
-        [
-            sys.executable, "-m", "pip", "install", "-q", "--disable-pip-version-check", "--no-deps",
-            "--no-build-isolation", "--target", site, source,
-        ],
-        check=True, timeout=120,
-    )  # fmt: skip
+    site = tmp_path_factory.mktemp("site")
+    install_examples(site, "own_task")
     return site
 
 

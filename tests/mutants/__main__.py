@@ -22,7 +22,7 @@ from tests.mutants import results
 from tests.mutants.aimed import Fault, faults, noticed_by
 from tests.mutants.copies import copies
 from tests.mutants.modules import Module, modules
-from tests.mutants.sampled import equivalent, outcomes, sample
+from tests.mutants.sampled import SuiteFailsError, equivalent, outcomes, sample
 from tests.mutants.tree import ROOT, Tree
 
 KEPT = ROOT / "build" / "mutants.jsonl"
@@ -55,7 +55,10 @@ def main() -> int:
     parser.add_argument("--tried", action="store_true", help="try nothing: report what was tried")
     parser.add_argument("--anew", action="store_true", help="forget what was tried before")
     parser.add_argument(
-        "--results", type=Path, metavar="FILE", help="write what was found, as JSON"
+        "--results",
+        type=Path,
+        metavar="FILE",
+        help="write what was found, as JSON, to what is there",
     )
     options = parser.parse_args()
     os.nice(10)
@@ -128,14 +131,21 @@ def _sampled(
         elif key in known:
             found.append(known[key])
         elif options.tried:
-            found.append({"what": what, "module": module.name, "verdict": "untried", "by": ""})
+            found.append(_untried(what, module))
         else:
             chosen[mutation] = key, what
-    for mutation, verdict, by in outcomes(copy, module, list(chosen)):
-        key, what = chosen[mutation]
-        record = {"key": key, "what": what, "module": module.name, "verdict": verdict, "by": by}
-        found.append(_keep(record))
-    return found
+    try:
+        for mutation, verdict, by in outcomes(copy, module, list(chosen)):
+            key, what = chosen.pop(mutation)
+            record = {"key": key, "what": what, "module": module.name, "verdict": verdict, "by": by}
+            found.append(_keep(record))
+    except SuiteFailsError as error:  # the other modules can be tried all the same
+        print(error, flush=True)
+    return found + [_untried(what, module) for _, what in chosen.values()]
+
+
+def _untried(what: str, module: Module) -> Record:
+    return {"what": what, "module": module.name, "verdict": "untried", "by": ""}
 
 
 if __name__ == "__main__":

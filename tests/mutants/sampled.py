@@ -25,6 +25,10 @@ Verdict = Literal["killed", "hung", "survived"]
 """hung: the tests did not end, or something did not happen in time, twice, which it does without the change."""
 
 
+class SuiteFailsError(RuntimeError):
+    """A module's tests fail though nothing was changed: they would tell nothing."""
+
+
 def equivalent() -> dict[tuple[str, str, str], str]:
     """(module, function, change) of changes that change nothing: why."""
     entries = tomllib.loads(EQUIVALENT.read_text()).get("equivalent", [])
@@ -50,7 +54,7 @@ def outcomes(
     """For every change whether it is noticed, and by which test.
 
     Raises:
-        RuntimeError: the tests fail without any change.
+        SuiteFailsError: without any change, too.
     """
     if not chosen:
         return
@@ -90,7 +94,7 @@ class _Suite:
             if done.outcome == "passed":
                 break
         else:
-            raise RuntimeError(f"tests of {module.file} do not pass as it is: {done}")
+            raise SuiteFailsError(f"tests of {module.file} do not pass as it is: {done}")
         self._timeout_s = _GRACE_S + _PATIENCE * (time.monotonic() - began_s)
         self._cpu_s = _GRACE_CPU_S + _PATIENCE * done.cpu_s
         told: dict[str, Any] = json.loads(notes.read_text())

@@ -11,7 +11,7 @@ from bpn_shared.spec.network import Convolution, NetworkSpec
 def geometries(
     channels: Sequence[int], hidden_units: int, actions: int
 ) -> st.SearchStrategy[NetworkSpec]:
-    """The paper's convolutions with one of these numbers of channels, and up to so many hidden units and actions."""
+    """The paper's shape with one of these numbers of channels, up to so many hidden units and actions."""
     return st.builds(
         NetworkSpec,
         channels=st.sampled_from(channels),

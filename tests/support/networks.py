@@ -1,13 +1,13 @@
 """Binarized networks and observations at the limits of what there may be."""
 
 import numpy as np
-from geometries import geometries
+from geometries import geometries, shapes
 
 from bpn_shared.bnn import golden
 from bpn_shared.bnn.blob import WeightBlob
 from bpn_shared.spec.network import NetworkSpec
 
-SPECS = geometries([1, 2, 3, 6, 16], hidden_units=70, actions=20)
+SPECS = geometries([1, 2, 3, 6, 16], hidden_units=70, actions=20) | shapes()
 
 
 def awkward_blob(spec: NetworkSpec, rng: np.random.Generator) -> WeightBlob:

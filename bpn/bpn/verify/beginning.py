@@ -1,7 +1,7 @@
 """What a run begins with that takes another one's weights over: its copy of that run's checkpoint.
 
-The configuration has the SHA-256 of the other run's policy: its signs, thresholds and lambda, or its model, are known
-whatever became of that run. The latent weights behind the signs are known from the copy alone.
+The configuration has the SHA-256 of the other run's policy: its signs, thresholds and lambda, or its model, are
+known whatever became of that run. The latent weights behind the signs are known from the copy alone.
 """
 
 import json

@@ -271,7 +271,9 @@ class Verification:
             self.findings["gradients"].note(f"median distance {median:.1g} of the norm")
 
 
-_OWN_TARGETS = "the targets {!r} are no part of this program: neither they nor the training by them is computed again"
+_OWN_TARGETS = (
+    "the targets {!r} are no part of this program: they and the training by them are not judged"
+)
 
 
 def what_is_trusted(config: RunConfig) -> list[str]:

@@ -1,7 +1,7 @@
 """From the outputs of a network with several action dimensions to a joint action: each dimension by itself.
 
-The softmax over all joint actions is the product of those over the dimensions, and the best joint action is made of
-the best choices (docs/algorithms/factored.md), so neither ever lists the joint actions.
+The softmax over all joint actions is the product of those over the dimensions, and the best joint action is made
+of the best choices (docs/algorithms/factored.md), so neither ever lists the joint actions.
 """
 
 from collections.abc import Callable, Sequence

@@ -135,7 +135,7 @@ class WeightMemory:
         return any(_fits(weights, version, attempt) for weights in (self.weights, self._offered))
 
     def run(self, observation: npt.NDArray[np.uint8]) -> Outputs:
-        """Outputs [|A|] of an observation uint8[C, 84, 84] under the active bank."""
+        """Outputs [|A|] of an observation uint8[C, rows, columns] under the active bank."""
         return self._active.run(observation)
 
 

@@ -37,7 +37,7 @@ class EpisodeRecorder:
         self._frames.append(pixels)
 
     def observation(self) -> npt.NDArray[np.uint8]:
-        """s_t after the newest frame, uint8[C, 84, 84]."""
+        """s_t after the newest frame, uint8[C, rows, columns]."""
         task = self._task
         newest = len(self._frames) - 1
         return stack(self._frames, newest, task.frames_stacked, difference=task.gym.difference)

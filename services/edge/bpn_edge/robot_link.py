@@ -18,7 +18,7 @@ from bpn_shared.spec.tasks import TaskSpec
 _RESET_TIMEOUT_S = 1.0
 
 OnFrame = Callable[[FrameHeader, npt.NDArray[np.uint8], int], None]
-"""Takes a frame: header, pixels uint8[c, 84, 84], when it arrived (monotonic ns)."""
+"""Takes a frame: header, pixels uint8[c, rows, columns], when it arrived (monotonic ns)."""
 
 
 class RobotLink:

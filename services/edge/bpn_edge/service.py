@@ -130,5 +130,10 @@ def main(argv: list[str] | None = None) -> int:
         kernels = kernels_here(options.kernel)
     except InputError as error:
         parser.error(str(error))
-    abilities = Abilities(plugins={plugins.KERNELS.name: kernels or usable_kernels()})
+    abilities = Abilities(
+        plugins={
+            plugins.KERNELS.name: kernels or usable_kernels(),
+            plugins.SELECTIONS.name: plugins.names(plugins.SELECTIONS),
+        }
+    )
     return run_slot_worker("edge", options, partial(serve, kernels=kernels), abilities=abilities)

@@ -58,7 +58,7 @@ class PackedNetwork {
   const Layers& layers() const { return layers_; }
   const Memory& memory() const { return memory_; }
 
-  // Whether only channels, nodes and actions are other than the paper's.
+  // Whether only channels, hidden units and actions are other than the paper's.
   bool is_paper() const;
 
   // Every matrix, as it is in the memory. Of the thresholds that decide alike it gives the one that any of them is

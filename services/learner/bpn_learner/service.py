@@ -201,6 +201,7 @@ def main(argv: list[str] | None = None) -> int:
             plugins={
                 plugins.CALLBACKS.name: usable_callbacks(),
                 plugins.REWARDS.name: plugins.names(plugins.REWARDS),
+                plugins.TARGETS.name: plugins.names(plugins.TARGETS),
             },
         ),
     )

@@ -4,7 +4,6 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, Protocol
 
-import torch
 from torch import Tensor
 
 from bpn_learner.cvi import cvi_gap, cvi_target, dqn_target
@@ -72,7 +71,7 @@ def target_values(name: str, data: TargetInputs, settings: TargetSettings) -> Te
     """
     plugin = plugins.find(plugins.TARGETS, name)
     y = plugin.call(data, settings)
-    if not (isinstance(y, Tensor) and y.dtype == torch.float32 and y.shape == data.reward.shape):
+    if not (isinstance(y, Tensor) and y.is_floating_point() and y.shape == data.reward.shape):
         found = f"{y.dtype}{list(y.shape)}" if isinstance(y, Tensor) else type(y).__name__
         raise plugin.broken(f"it gives {found}, not float32[{len(data.reward)}]")
     return y.detach()
@@ -122,7 +121,7 @@ def over_steps(
 ) -> OverSteps:
     """The data over `n_step` steps; with one step the data themselves.
 
-    Preferences that lack c lack gamma^n c behind n steps, and n is smaller at an episode's end: gamma^n c - gamma c
+    Preferences that lack c lack gamma^n c behind n steps, and n is smaller at an episode's end: (gamma^n - gamma) c
     is added to the rewards, so that sums of several lengths lack the same, gamma c. Where no terminal state pins
     values, c is what they will lack, E[r] / (1 - gamma), from the beginning.
 

@@ -17,7 +17,7 @@ class EpisodeData:
     """One episode as the learner uses it.
 
     Attributes:
-        frames: uint8[T+1, c, 84, 84].
+        frames: uint8[T+1, c, rows, columns].
         actions: integers [T].
         rewards: float[T], scaled.
         terminated: the task ended the episode, good or bad, not a time limit.
@@ -34,7 +34,7 @@ class Transitions:
     """The transitions (s, a, r, s') of D, in the order in which `policy_update` shuffles them.
 
     Attributes:
-        frames: uint8[m, c, 84, 84].
+        frames: uint8[m, c, rows, columns].
         observations: int64[n, frames_stacked], the frames of s, oldest first.
         next_observations: int64[n, frames_stacked], the frames of s'.
         actions: int64[n].
@@ -134,10 +134,10 @@ class Transitions:
 
 
 def gather_observations(frames: Tensor, stacks: Tensor) -> Tensor:
-    """Observations of frame indices int64[n, frames_stacked] into uint8[m, c, 84, 84].
+    """Observations of frame indices int64[n, frames_stacked] into uint8[m, c, rows, columns].
 
     Returns:
-        uint8[n, C, 84, 84], channels-last in memory; C = frames_stacked * c.
+        uint8[n, C, rows, columns], channels-last in memory; C = frames_stacked * c.
     """
     observations = frames[stacks].flatten(1, 2)
     return observations.contiguous(memory_format=torch.channels_last)

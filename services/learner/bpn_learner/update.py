@@ -102,7 +102,7 @@ class RegressionBatch:
     """What the minibatches of an update fit P to.
 
     Attributes:
-        frames: uint8[m, c, 84, 84].
+        frames: uint8[m, c, rows, columns].
         observations: int64[n, frames_stacked], frame indices as in `Transitions`.
         actions: int64[n].
         y: float32[n], the target of P(s, a).
@@ -325,7 +325,7 @@ def target_preferences(network: PNetwork, transitions: Transitions) -> tuple[Ten
 
 @torch.no_grad()
 def preferences(network: PNetwork, observations: Tensor) -> Tensor:
-    """P(s, .) of the evaluated network: uint8[n, C, 84, 84] to float32[n, |A|]."""
+    """P(s, .) of the evaluated network: uint8[n, C, rows, columns] to float32[n, |A|]."""
     network.eval()
     return torch.cat(
         [network(part.float()) for part in torch.split(observations, EVALUATION_BATCH)]

@@ -4,9 +4,9 @@ import numpy as np
 import numpy.typing as npt
 
 Frame = npt.NDArray[np.uint8]
-"""[channels, 84, 84]."""
+"""[channels, rows, columns]."""
 
 
 def is_flat(frame: Frame) -> bool:
-    """Whether the whole frame, uint8[c, 84, 84], has one colour: such a camera shows nothing."""
+    """Whether the whole frame, uint8[c, rows, columns], has one colour: such a camera shows nothing."""
     return bool((frame == frame[:, :1, :1]).all())

@@ -22,7 +22,7 @@ class Robot(Protocol):
     the same as one with it.
 
     Equal seeds and calls give equal frames, whatever was before the reset. A frame is a new contiguous
-    uint8[c, 84, 84] (`task.frame_shape`). Whatever cannot go on raises `RobotFault`.
+    uint8[c, rows, columns] (`task.frame_shape`). Whatever cannot go on raises `RobotFault`.
     `bpn.testing.check_robot` looks whether a robot does all that.
     """
 

@@ -11,6 +11,7 @@ import time
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
+from math import isqrt
 
 import numpy as np
 
@@ -291,6 +292,7 @@ def _preview(item: tuple[FrameHeader, tuple[bytes, ...]]) -> tuple[bytes, bytes]
         episode=header.episode,
         step=header.step,
         t_capture_unix_ns=time.time_ns() - (time.monotonic_ns() - header.t_capture_ns),
+        frame_px=isqrt(len(frames[0]) // header.channels),
     )
     return b"".join(frames), preview.encode()
 

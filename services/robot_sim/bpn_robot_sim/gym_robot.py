@@ -96,7 +96,8 @@ class GymRobot:
     def frame(self) -> Frame:
         if not self._pictures:
             self._pictures.append(self._env.picture())
-        return as_frame(brightest(self._pictures), self._task.frame_channels)
+        task = self._task
+        return as_frame(brightest(self._pictures), task.frame_channels, task.frame_px)
 
     def reward(self) -> float:
         return self._reward

@@ -34,14 +34,14 @@ class PictureError(ValueError):
     """What was seen is no picture; the message says what it is."""
 
 
-def as_frame(picture: Picture, channels: int) -> Frame:
-    """A picture uint8[height, width] or [height, width, 1, 3 or 4] as uint8[channels, 84, 84].
+def as_frame(picture: Picture, channels: int, size_px: int = IMAGE_SIZE_PX) -> Frame:
+    """A picture uint8[height, width] or [height, width, 1, 3 or 4] as uint8[channels, size_px, size_px].
 
     Each pixel is the mean of the area that it covers, so that motion below a pixel is still seen.
     """
     image = Image.fromarray(picture.squeeze(-1) if picture.shape[2:] == (1,) else picture)
     image = image.convert("L" if channels == 1 else "RGB")
-    small = np.asarray(image.resize((IMAGE_SIZE_PX, IMAGE_SIZE_PX), Image.Resampling.BOX))
+    small = np.asarray(image.resize((size_px, size_px), Image.Resampling.BOX))
     planes = small[np.newaxis] if channels == 1 else small.transpose(2, 0, 1)
     return np.ascontiguousarray(planes)
 

@@ -27,13 +27,14 @@ class Camera:
         model: the mujoco.MjModel.
         name: the camera's name in the model.
         channels: 3 for RGB; 1 for a scene that is drawn in grays alone (its red plane is the image).
+        size_px: rows and columns of its images.
 
     Raises:
         ValueError: there is no camera of that name, or channels is neither 1 nor 3.
         RenderingError: OpenGL cannot be started.
     """
 
-    def __init__(self, model: Any, name: str, channels: int) -> None:
+    def __init__(self, model: Any, name: str, channels: int, size_px: int = IMAGE_SIZE_PX) -> None:
         if channels not in (1, 3):
             raise ValueError(f"channels = {channels} must be 1 (gray) or 3 (RGB)")
         self._camera_id = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_CAMERA, name)
@@ -43,14 +44,14 @@ class Camera:
         self._channels = channels
         model.vis.quality.offsamples = 0
         model.vis.quality.shadowsize = 0
-        model.vis.global_.offwidth = model.vis.global_.offheight = IMAGE_SIZE_PX
-        self._renderer = _start_renderer(model)
+        model.vis.global_.offwidth = model.vis.global_.offheight = size_px
+        self._renderer = _start_renderer(model, size_px)
         for flag in _FLAGS_OFF:
             self._renderer.scene.flags[getattr(mujoco.mjtRndFlag, f"mjRND_{flag}")] = 0
-        self._rgb = np.empty((IMAGE_SIZE_PX, IMAGE_SIZE_PX, 3), np.uint8)
+        self._rgb = np.empty((size_px, size_px, 3), np.uint8)
 
     def render(self, data: Any) -> Frame:
-        """The scene of `data` (a mujoco.MjData) as a new contiguous uint8[channels, 84, 84]."""
+        """The scene of `data` (a mujoco.MjData) as a new contiguous uint8[channels, size_px, size_px]."""
         self._renderer.update_scene(data, self._camera_id)
         self._renderer.render(out=self._rgb)
         return np.ascontiguousarray(self._rgb[:, :, : self._channels].transpose(2, 0, 1))
@@ -77,8 +78,8 @@ def backend() -> str:
     return f"{os.environ.get('MUJOCO_GL', 'default')}, {device}"
 
 
-def _start_renderer(model: Any) -> Any:
+def _start_renderer(model: Any, size_px: int = IMAGE_SIZE_PX) -> Any:
     try:
-        return mujoco.Renderer(model, IMAGE_SIZE_PX, IMAGE_SIZE_PX)
+        return mujoco.Renderer(model, size_px, size_px)
     except Exception as error:  # each backend fails with exceptions of its own
         raise RenderingError(error) from error

@@ -32,7 +32,7 @@ class SceneRobot:
             )
         self.task = task
         self._physics = physics
-        self._camera = Camera(physics.model, camera, task.frame_channels)
+        self._camera = Camera(physics.model, camera, task.frame_channels, task.frame_px)
 
     def frame(self) -> Frame:
         return self._camera.render(self._physics.data)

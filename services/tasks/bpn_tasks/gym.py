@@ -5,7 +5,12 @@ from typing import Any
 
 from bpn_shared.errors import InputError
 from bpn_shared.spec.gym import GYM_NAME, GYM_PREFIX
-from bpn_shared.spec.network import MAX_CHANNELS
+from bpn_shared.spec.network import (
+    IMAGE_SIZE_PX,
+    MAX_CHANNELS,
+    MAX_IMAGE_SIZE_PX,
+    MIN_IMAGE_SIZE_PX,
+)
 from bpn_shared.spec.tasks import TaskFamily, TaskOptions, TaskSpec
 from bpn_tasks.specs import CONTROL_PERIOD_S
 
@@ -57,12 +62,15 @@ def spec(name: str, options: TaskOptions) -> TaskSpec:
         raise InputError(f"task = {name!r}: must be {GYM_PREFIX}[MODULE:]ENVIRONMENT-ID")
     channels = options.frame_channels or 1
     stacked = options.frames_stacked or 2
+    size = options.frame_px or IMAGE_SIZE_PX
     if options.actions < 2:
         raise InputError(
             f"actions = {options.actions}: give the number of actions of {name!r} (`bpn train` finds it out)"
         )
     if channels == 2:
         raise InputError("frame_channels = 2 must be 1 (gray) or 3 (RGB)")
+    if size < MIN_IMAGE_SIZE_PX:
+        raise InputError(f"frame_px = {size} is outside {MIN_IMAGE_SIZE_PX}..{MAX_IMAGE_SIZE_PX}")
     if channels * stacked > MAX_CHANNELS:
         raise InputError(
             f"frames_stacked = {stacked} of {channels} channels: an observation has at most "
@@ -79,6 +87,7 @@ def spec(name: str, options: TaskOptions) -> TaskSpec:
         title=name.removeprefix(GYM_PREFIX)[:100],
         robot="gym",
         frame_channels=channels,
+        frame_px=size,
         frames_stacked=stacked,
         frame_skip=skip,
         gym=gym,
@@ -92,7 +101,11 @@ def spec(name: str, options: TaskOptions) -> TaskSpec:
 
 GYM = TaskFamily(
     which="[MODULE:]ENVIRONMENT-ID",
-    title="Gymnasium environment",
+    title="Gymnasium",
+    noun="Environment",
+    about="its id, behind MODULE: where a package registers it that robot workers allow; one of them opens it to "
+    "count its actions, unless they are given below",
+    pattern=GYM_NAME.removeprefix(GYM_PREFIX),
     make=spec,
     preset=preset,
     known=tuple(_PRESETS),

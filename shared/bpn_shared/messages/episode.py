@@ -31,7 +31,7 @@ class Episode:
     """One episode of T steps.
 
     Attributes:
-        frames: uint8[T+1, c, 84, 84], each stored once.
+        frames: uint8[T+1, c, rows, columns], each stored once.
         actions: uint8[T], as the robot applied them.
         rewards: float64[T] as the robot knows them; NaN where it knows none, as a real one does. The paper's
             tasks are learned from the pixels alone.

@@ -112,7 +112,7 @@ class FrameHeader(NamedTuple):
 def decode_frame(
     attachment: bytes, payload: bytes, shape: tuple[int, int, int]
 ) -> tuple[FrameHeader, npt.NDArray[np.uint8]]:
-    """A frame of the task's shape [c, 84, 84].
+    """A frame of the task's shape [c, rows, columns].
 
     Raises:
         MessageError: the header is malformed or the pixels are not of that shape.

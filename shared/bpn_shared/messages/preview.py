@@ -4,15 +4,15 @@ import struct
 from typing import NamedTuple
 
 from bpn_shared.messages.base import MessageError, OtherVersionError
-from bpn_shared.spec.network import IMAGE_SIZE_PX
+from bpn_shared.spec.network import IMAGE_SIZE_PX, MAX_IMAGE_SIZE_PX, MIN_IMAGE_SIZE_PX
 
 SCHEMA = 1
 MAX_CHANNELS = 64
-_HEADER = struct.Struct("<BBBxIIIQ")
+_HEADER = struct.Struct("<BBBBIIIQ")
 
 
 class PreviewHeader(NamedTuple):
-    """The header of an observation s_t, uint8[channels, 84, 84], oldest frame first.
+    """The header of an observation s_t, uint8[channels, frame_px, frame_px], oldest frame first.
 
     Attributes:
         channels: C of all stacked frames together.
@@ -25,10 +25,13 @@ class PreviewHeader(NamedTuple):
     episode: int
     step: int
     t_capture_unix_ns: int
+    frame_px: int = IMAGE_SIZE_PX
 
     def encode(self) -> bytes:
-        """The header as bytes."""
-        return _HEADER.pack(SCHEMA, *self)
+        """The header as bytes; older programs left the place of `frame_px` empty, and pass over it."""
+        *others, frame_px = self
+        channels, stacked, *rest = others
+        return _HEADER.pack(SCHEMA, channels, stacked, frame_px, *rest)
 
     @classmethod
     def decode(cls, data: bytes) -> "PreviewHeader":
@@ -39,11 +42,12 @@ class PreviewHeader(NamedTuple):
         """
         if len(data) != _HEADER.size:
             raise MessageError(f"preview header: {len(data)} bytes, expected {_HEADER.size}")
-        schema, *fields = _HEADER.unpack(data)
+        schema, channels, stacked, frame_px, *rest = _HEADER.unpack(data)
         if schema != SCHEMA:
             raise OtherVersionError(f"preview header: schema {schema}, this program reads {SCHEMA}")
-        header = cls(*fields)
-        stacked = header.frames_stacked
+        header = cls._make((channels, stacked, *rest, frame_px or IMAGE_SIZE_PX))
+        if not MIN_IMAGE_SIZE_PX <= header.frame_px <= MAX_IMAGE_SIZE_PX:
+            raise MessageError(f"preview header: frames of {frame_px} x {frame_px} pixels")
         if not 1 <= header.channels <= MAX_CHANNELS or not stacked or header.channels % stacked:
             raise MessageError(
                 f"preview header: {header.channels} channels are no {stacked} stacked frames"
@@ -57,7 +61,7 @@ def check_pixels(header: PreviewHeader, pixels: bytes) -> None:
     Raises:
         MessageError: another number of bytes.
     """
-    expected = header.channels * IMAGE_SIZE_PX**2
+    expected = header.channels * header.frame_px**2
     if len(pixels) != expected:
         raise MessageError(
             f"preview: {len(pixels)} bytes, {header.channels} channels have {expected}"

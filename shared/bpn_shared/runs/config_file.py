@@ -15,7 +15,7 @@ from bpn_shared.runs.digests import DamagedError, seal, unseal
 from bpn_shared.spec.algorithms import AlgorithmSpec
 from bpn_shared.spec.config import ConfigError, RunConfig
 from bpn_shared.spec.renamed import renamed
-from bpn_shared.spec.sections import LEARNED, SECTIONS
+from bpn_shared.spec.sections import ADDED, LEARNED, SECTIONS
 from bpn_shared.spec.tasks import TaskOptions
 from bpn_shared.version import VERSION, written_by
 
@@ -47,25 +47,22 @@ def sections(config: RunConfig) -> dict[str, dict[str, Any]]:
     return {"task": config.task_spec.model_dump(mode="json"), **of}
 
 
-_LATER = {"algorithm": ("n_step", "gap_floor"), "training": ("replay_transitions", "max_updates")}
-"""Values that came after runs had a hash: their defaults are what was done before."""
-
-
 def config_hash(config: RunConfig) -> str:
     """SHA-256 of what is learned: equal for runs that differ in their execution alone.
 
-    A value of the task that is its field's default is left out, as is one that came later, so that it changes no hash.
+    A value of the task that is its field's default is left out, and so is one of the training that came later, so
+    that a new field changes no hash.
     """
     learned: dict[str, Any] = {name: sections(config)[name] for name in LEARNED}
+    for section, added in ADDED.items():
+        for name in added:
+            if getattr(config, name) == RunConfig.model_fields[name].default:
+                del learned[section][name]
     learned["task"] = config.task_spec.model_dump(
         mode="json", exclude=_SHOWN, exclude_defaults=True
     )
     for shown in ("title", "preset", "fixed"):
         del learned["algorithm"][shown]
-    for section, later in _LATER.items():
-        for name in later:
-            if learned[section][name] == RunConfig.model_fields[name].default:
-                del learned[section][name]
     return hashlib.sha256(json.dumps(learned, sort_keys=True).encode()).hexdigest()
 
 
@@ -91,7 +88,7 @@ def decode_config(data: bytes, *, source: str) -> RunConfig:
         raise OtherConfigVersionError(
             f"{source}: {', '.join(sorted(unknown))} unknown here, {_whose(document)}"
         )
-    missing = RunConfig.model_fields.keys() - values.keys()
+    missing = RunConfig.model_fields.keys() - values.keys() - TaskOptions.model_fields.keys()
     if missing and schema > 1:
         raise ConfigError(f"{source}: {', '.join(sorted(missing))} missing; {_REMEDY}")
     return RunConfig.parse(values, source=source)
@@ -136,19 +133,11 @@ def _values(document: dict[str, Any], schema: int) -> dict[str, Any] | None:
     if not all(isinstance(part, dict) for part in parts.values()):
         return None
     task, algorithm = dict(parts.pop("task") or {}), dict(parts.pop("algorithm") or {})
-    values = _of_task(task) | _of_algorithm(algorithm)
+    values = {"task": task.get("name"), "task_spec": task}
+    values |= _of_algorithm(algorithm)
     for part in parts.values():
         values |= part or {}
     return values
-
-
-def _of_task(spec: dict[str, Any]) -> dict[str, Any]:
-    """What follows from the specification, which is more than that: `RunConfig` fills it in again."""
-    of_gym = spec.get("gym")
-    told = spec | {"actions": len(spec.get("action_names") or ())}
-    told |= of_gym if isinstance(of_gym, dict) else {}
-    options = {name: told[name] for name in _TASK_OPTIONS if name in told}
-    return options | {"task": spec.get("name"), "task_spec": spec}
 
 
 def _of_algorithm(section: dict[str, Any]) -> dict[str, Any]:
@@ -158,9 +147,6 @@ def _of_algorithm(section: dict[str, Any]) -> dict[str, Any]:
         values["algorithm_options"] = json.dumps(own, sort_keys=True) if own else ""
     spec = {name: v for name, v in section.items() if name in AlgorithmSpec.model_fields}
     return values | {"algorithm": spec.get("name"), "algorithm_spec": spec}
-
-
-_TASK_OPTIONS = tuple(TaskOptions.model_fields)
 
 
 def _document(data: bytes, source: str) -> dict[str, Any]:

@@ -9,6 +9,7 @@ from typing import Any
 from bpn_shared.errors import InputError
 from bpn_shared.spec.algorithms import KERNELS, find_algorithm
 from bpn_shared.spec.installed import task_spec
+from bpn_shared.spec.network import PAPER_CONVOLUTIONS, format_convolutions
 from bpn_shared.spec.renamed import renamed
 from bpn_shared.spec.tasks import TaskOptions
 
@@ -94,10 +95,14 @@ def _from_2(values: Values) -> Values:
 
 
 def _from_3(values: Values) -> Values:
-    """Today's names; the algorithm by value; and no kernel where a run had the only one that there was."""
+    """Today's names; the paper's convolutions, and frames of the task's size; the algorithm by value.
+
+    And no kernel where a run had the only one that there was.
+    """
     found = _BEFORE_SCHEMA_4 | renamed(values)
     name = str(found.get("algorithm"))
     spec = find_algorithm(name).spec
+    found |= {"conv": format_convolutions(PAPER_CONVOLUTIONS), "frame_px": 0}
     found |= {"algorithm_spec": spec.model_dump(mode="json"), "algorithm_options": ""}
     if found.get("kernel") == KERNELS[spec.network][0]:
         found["kernel"] = ""

@@ -62,7 +62,10 @@ def _check_shape(said: str, config: RunConfig, other: RunConfig) -> None:
 
 def _shape(config: RunConfig) -> str:
     network = config.network
-    return f"{network.channels} channels x {network.hidden_units} hidden units x {network.actions} actions"
+    said = f"{network.channels} channels x {network.hidden_units} hidden units x {network.actions} actions"
+    if not network.is_paper_shape:
+        said += f", convolutions {config.conv}, {network.image_px} px"
+    return said
 
 
 def _version(checkpoint: bytes) -> int:

@@ -1,6 +1,7 @@
 """The configuration of a run: its task and its algorithm by value, and the values of all sections, flat."""
 
 import json
+from contextlib import suppress
 from typing import Annotated, Any, Self
 
 from pydantic import Field, ValidationError, model_validator
@@ -15,16 +16,16 @@ from bpn_shared.spec.algorithms import (
     find_algorithm,
     implied,
 )
-from bpn_shared.spec.disturbances import of_scope, shown
+from bpn_shared.spec.disturbances import of_scope
 from bpn_shared.spec.gym import GymOptions
 from bpn_shared.spec.installed import preset_of, task_spec
-from bpn_shared.spec.network import NetworkSpec
+from bpn_shared.spec.network import NetworkSpec, parse_convolutions
 from bpn_shared.spec.renamed import called_now
 from bpn_shared.spec.sections import AlgorithmValues, ExecutionValues, TrainingValues
 from bpn_shared.spec.stopping import StopRule
 from bpn_shared.spec.tasks import TaskOptions, TaskSpec, is_gym
 
-_AS_THE_TASK = ("frame_channels", "frames_stacked", "frame_skip", "actions")
+_AS_THE_TASK = ("frame_channels", "frame_px", "frames_stacked", "frame_skip", "actions")
 """Options whose 0 is whatever the task has."""
 _OWN_KERNELS = frozenset(name for names in KERNELS.values() for name in names)
 """Of the others, only the edge that has them can say what they run."""
@@ -71,13 +72,11 @@ class RunConfig(ExecutionValues, TrainingValues, AlgorithmValues, TaskOptions):
             name: v for name, v in values.items() if not (name in _AS_THE_TASK and v in (0, "0"))
         }
         of_task = values.get("task_spec")
+        if isinstance(of_task, dict):
+            with suppress(ValidationError):  # which is said of the field
+                of_task = TaskSpec.model_validate(of_task)
         if isinstance(of_task, TaskSpec):
             given = of_task.options() | given
-        elif isinstance(of_task, dict):
-            of_gym = of_task.get("gym")
-            told = of_task | (of_gym if isinstance(of_gym, dict) else {})
-            given = {name: told[name] for name in TaskOptions.model_fields if name in told} | given
-            given.setdefault("disturb", shown(of_task.get("disturbances", {})))
         name = given.setdefault("algorithm", "bpn")
         if "algorithm_spec" not in given:
             given["algorithm_spec"] = _algorithm_spec(name)
@@ -125,6 +124,17 @@ class RunConfig(ExecutionValues, TrainingValues, AlgorithmValues, TaskOptions):
         return self
 
     @model_validator(mode="after")
+    def _possible_network(self) -> Self:
+        try:
+            _ = self.network
+        except ValueError as error:
+            size = self.task_spec.frame_px
+            raise ValueError(
+                f"conv = {self.conv!r} with frames of {size} x {size}: {error}"
+            ) from error
+        return self
+
+    @model_validator(mode="after")
     def _parts_for_all_learners(self) -> Self:
         if self.learners > self.batch_size:
             raise ValueError(
@@ -161,7 +171,7 @@ class RunConfig(ExecutionValues, TrainingValues, AlgorithmValues, TaskOptions):
 
     @property
     def network(self) -> NetworkSpec:
-        return self.task_spec.network(self.hidden_units)
+        return self.task_spec.network(self.hidden_units, parse_convolutions(self.conv))
 
     @property
     def policy(self) -> str:

@@ -23,7 +23,7 @@ def stack(
     *,
     difference: bool = False,
 ) -> npt.NDArray[np.uint8]:
-    """s_t of an episode, uint8[frames_stacked * c, 84, 84], from its frames uint8[c, 84, 84].
+    """s_t of an episode, uint8[frames_stacked * c, rows, columns], from its frames uint8[c, rows, columns].
 
     Args:
         difference: whether each frame but the newest is replaced by what `changes` shows since then.

@@ -12,7 +12,12 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
 from bpn_shared.spec.algorithms import MAX_NAME, NAME_PATTERN
-from bpn_shared.spec.network import MAX_HIDDEN_UNITS
+from bpn_shared.spec.network import (
+    MAX_HIDDEN_UNITS,
+    PAPER_CONVOLUTIONS,
+    format_convolutions,
+    parse_convolutions,
+)
 
 Pacing = Literal["lockstep", "realtime"]
 Device = Literal["cpu", "cuda"]
@@ -33,6 +38,10 @@ def _options(text: str) -> str:
     if not isinstance(found, dict):
         raise ValueError("must be a JSON object; such as '{\"tau\": 0.9}'")
     return json.dumps(found, sort_keys=True) if found else ""
+
+
+def _convolutions(text: str) -> str:
+    return format_convolutions(parse_convolutions(text))
 
 
 def _no_number(name: str) -> None:
@@ -124,6 +133,14 @@ class TrainingValues(BaseModel):
     hidden_units: Annotated[
         int, Field(ge=1, le=MAX_HIDDEN_UNITS, description="N, hidden units, of FC(N)")
     ] = 100
+    conv: Annotated[
+        str,
+        AfterValidator(_convolutions),
+        Field(
+            max_length=100,
+            description="convolutions before FC(N): KERNELxSTRIDExCHANNELS of each, separated by commas",
+        ),
+    ] = format_convolutions(PAPER_CONVOLUTIONS)
     learning_rate: Annotated[float, Field(gt=0, le=1, description="of Adam")] = 1e-3
     lr_update_final_factor: Annotated[
         float, Field(ge=0, le=1, description="share of it at an update's end (cosine over epochs)")
@@ -226,3 +243,8 @@ SECTIONS: dict[str, type[BaseModel]] = {
 """Of a configuration's values but for the task's."""
 LEARNED = ("task", "algorithm", "training")
 """The sections that say what is learned."""
+ADDED = {
+    "algorithm": ("n_step", "gap_floor"),
+    "training": ("conv", "replay_transitions", "max_updates"),
+}
+"""Values that came later, by section: their defaults are no part of a configuration's hash."""

@@ -12,7 +12,16 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, field_validat
 
 from bpn_shared.spec.disturbances import Disturbances, parse, shown
 from bpn_shared.spec.gym import GYM_PREFIX, OFF, GymOptions
-from bpn_shared.spec.network import IMAGE_SIZE_PX, MAX_ACTIONS, MAX_CHANNELS, NetworkSpec
+from bpn_shared.spec.network import (
+    IMAGE_SIZE_PX,
+    MAX_ACTIONS,
+    MAX_CHANNELS,
+    MAX_IMAGE_SIZE_PX,
+    MIN_IMAGE_SIZE_PX,
+    PAPER_CONVOLUTIONS,
+    Convolution,
+    NetworkSpec,
+)
 
 RETURN_PX, RETURN = "return_px", "return"
 """Mean return of an iteration: in pixels, or in another unit."""
@@ -36,6 +45,15 @@ class TaskOptions(GymOptions):
 
     frame_channels: Annotated[
         int, Field(ge=0, le=3, description="gym tasks: 1 gray, 3 RGB; 0: as the task has it")
+    ] = 0
+    frame_px: Annotated[
+        int,
+        Field(
+            ge=0,
+            le=MAX_IMAGE_SIZE_PX,
+            description=f"gym tasks: rows and columns of a frame, {MIN_IMAGE_SIZE_PX} to {MAX_IMAGE_SIZE_PX}; "
+            "0: as the task has it",
+        ),
     ] = 0
     frames_stacked: Annotated[
         int,
@@ -71,7 +89,8 @@ class TaskSpec(BaseModel):
             None: the robot tells them.
         reward_unit: of rewards and returns.
         plot: the plug-in of the group bpn.plots that draws trajectories; None: there is none.
-        frame_channels: c of one camera frame uint8[c, 84, 84].
+        frame_channels: c of one camera frame uint8[c, rows, columns].
+        frame_px: rows and columns of a frame.
         frames_stacked: frames in one observation; C = frame_channels * frames_stacked.
         frame_skip: steps of a Gymnasium environment that one action takes.
         action_names: what each action does, with its unit; |A| of them.
@@ -95,6 +114,7 @@ class TaskSpec(BaseModel):
     reward_unit: Literal["px", ""] = ""
     plot: _PluginName | None = None
     frame_channels: Annotated[int, Field(ge=1, le=3)]
+    frame_px: Annotated[int, Field(ge=MIN_IMAGE_SIZE_PX, le=MAX_IMAGE_SIZE_PX)] = IMAGE_SIZE_PX
     frames_stacked: Annotated[int, Field(ge=1, le=MAX_CHANNELS)] = 1
     frame_skip: Annotated[int, Field(ge=1, le=100)] = 1
     action_names: Annotated[tuple[_ActionName, ...], Field(min_length=2, max_length=MAX_ACTIONS)]
@@ -154,17 +174,26 @@ class TaskSpec(BaseModel):
 
     @property
     def frame_shape(self) -> tuple[int, int, int]:
-        return self.frame_channels, IMAGE_SIZE_PX, IMAGE_SIZE_PX
+        return self.frame_channels, self.frame_px, self.frame_px
 
-    def network(self, hidden_units: int) -> NetworkSpec:
-        """The geometry of this task's policy with N = hidden_units."""
-        return NetworkSpec(self.frame_channels * self.frames_stacked, hidden_units, self.actions)
+    def network(
+        self, hidden_units: int, convolutions: tuple[Convolution, ...] = PAPER_CONVOLUTIONS
+    ) -> NetworkSpec:
+        """The geometry of this task's policy with N = hidden_units.
+
+        Raises:
+            ValueError: the convolutions do not fit its frames.
+        """
+        return NetworkSpec(
+            self.frame_channels * self.frames_stacked, hidden_units, self.actions,
+            convolutions=convolutions, image_px=self.frame_px,
+        )  # fmt: skip
 
     def options(self) -> dict[str, Any]:
         """What `TaskOptions` say of this task."""
-        own = ("frame_channels", "frames_stacked", "frame_skip", "actions")
-        values = dict(self.gym) | {name: getattr(self, name) for name in own}
-        return values | {"disturb": shown(self.disturbances)}
+        values: dict[str, Any] = dict(self.gym) | {"disturb": shown(self.disturbances)}
+        own = (name for name in TaskOptions.model_fields if name not in values)
+        return values | {name: getattr(self, name) for name in own}
 
     def disturbed(self, text: str) -> Self:
         """The same task with other disturbances, as `disturbances.parse` takes them.
@@ -185,6 +214,9 @@ class TaskFamily:
         make: the specification of the task of a whole name, with options.
         preset: of the task of a whole name, before it can be made; of the bare "FAMILY:", what others have.
         known: whole names of tasks with a preset of their own.
+        noun: what one of them is called in a form.
+        about: what there is to know for who types which of them.
+        pattern: of what stands behind the colon, a regular expression in any program's words.
     """
 
     which: str
@@ -192,3 +224,6 @@ class TaskFamily:
     make: Callable[[str, TaskOptions], TaskSpec]
     preset: Callable[[str], Mapping[str, Any]]
     known: tuple[str, ...] = ()
+    noun: str = "Which"
+    about: str = ""
+    pattern: str = "[!-~]+"

@@ -123,7 +123,7 @@ def test_every_kind_of_fault_is_said(
         ("results.md: BPN + 32 / return (px)", [-80]),
         ("results.md: BPN + 32 / return (px) minus results.md: BPN / return (px) / 0", [10.7]),
         ("network: 1/256/14/weights", [209_152]),
-        ("network: 6/100/17/bytes", [11_573]),
+        ("network: 6/100/17/bytes", [12_128]),
     ],
 )
 def test_sources_lead_to_values(

@@ -3,6 +3,7 @@
 import contextlib
 import importlib
 import logging
+import shutil
 import sys
 import threading
 from collections.abc import Iterator
@@ -18,6 +19,7 @@ from played import CONFIG, episode
 
 from bpn_learner.callbacks.calling import MAX_ADDED
 from bpn_learner.evaluations import STREAM, Evaluations
+from bpn_learner.initial import initial_policy
 from bpn_learner.ledger import EpisodeLedger
 from bpn_learner.training import Training
 from bpn_learner.trials import EVALUATION
@@ -30,97 +32,7 @@ from bpn_shared.spec.seeds import episode_seed
 from bpn_shared.spec.stopping import StopRule
 from bpn_shared.waiting import Waiting
 
-OWN = """
-import sys
-import torch
-from bpn_learner.callbacks import Callback
-
-class Seen(Callback):
-    calls = []
-
-    def on_collection_end(self, end):
-        self.calls.append(("collection", end.iteration, len(end.returns), set(end.lengths)))
-
-    def on_update_end(self, end):
-        self.run.add("twice", 2.0 * end.iteration)
-        self.calls.append(("update", end.iteration, "eval_return" in end.record, end.weights.version))
-
-    def on_evaluation_end(self, end):
-        self.calls.append(("evaluation", end.iteration, len(end.returns), end.version))
-
-    def on_run_end(self, end):
-        self.calls.append(("run", end.finished, end.reason))
-
-class Bad(Callback):
-    def on_collection_end(self, end):
-        raise KeyError("collection")
-
-    def on_update_end(self, end):
-        end.record["return_px"] = 1e9
-        end.record.clear()
-        self.run.add("loss", 0.0)
-
-    def on_evaluation_end(self, end):
-        sys.exit(1)
-
-    def on_run_end(self, end):
-        raise OSError("run")
-
-class Odd(Callback):
-    errors = []
-
-    def on_update_end(self, end):
-        for ask in (
-            lambda: self.run.add("odd", float("nan")),
-            lambda: self.run.add("odd", float("inf")),
-            lambda: self.run.add("sha256", 0.0),
-            lambda: self.run.add("", 0.0),
-            lambda: self.run.add("a b", 0.0),
-            lambda: self.run.add("x" * 65, 0.0),
-            lambda: self.run.evaluate(0),
-            lambda: self.run.stop(" "),
-            lambda: self.run.keep_best(1, "odd", float("nan")),
-        ):
-            try:
-                ask()
-            except ValueError as error:
-                self.errors.append(str(error))
-
-class Talkative(Callback):
-    def on_update_end(self, end):
-        for number in range(60):
-            self.run.add(f"metric_{end.iteration}_{number}", 0.0)
-
-class Endless(Callback):
-    def on_evaluation_end(self, end):
-        self.run.evaluate(1)
-
-class Meddler(Callback):
-    def meddle(self, _end=None):
-        torch.set_num_threads(torch.get_num_threads() + 1)
-        torch.set_default_dtype(torch.float64)
-        torch.set_grad_enabled(False)
-        torch.use_deterministic_algorithms(not torch.are_deterministic_algorithms_enabled())
-        torch.set_float32_matmul_precision("medium")
-        torch.backends.cudnn.allow_tf32 = not torch.backends.cudnn.allow_tf32
-        torch.manual_seed(99)
-
-    def __init__(self, run):
-        super().__init__(run)
-        self.meddle()
-
-    on_collection_end = on_update_end = on_evaluation_end = meddle
-
-class Late(Callback):
-    def on_update_end(self, end):
-        if end.iteration + 1 == self.run.config.iterations:
-            self.run.stop("good enough")
-
-def unmade(run):
-    raise ZeroDivisionError("no")
-"""
-
-
+OWN = Path(__file__).parents[2] / "support" / "odd_callbacks.py"
 _OWN_NAMES = ("Seen", "Bad", "Odd", "Talkative", "Endless", "Late", "Meddler", "unmade")
 
 
@@ -129,7 +41,7 @@ def own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
     """An installed package with callbacks."""
     site = tmp_path / "site"
     site.mkdir()
-    (site / "own_callbacks.py").write_text(OWN)
+    shutil.copy(OWN, site / "own_callbacks.py")
     points = {name: f"own_callbacks:{name}" for name in _OWN_NAMES}
     install(site, "own-callbacks", {"bpn.callbacks": points})
     monkeypatch.syspath_prepend(site)
@@ -285,6 +197,7 @@ def test_torchs_settings_are_the_trainings_whatever_callbacks_do_to_them(
         ]  # fmt: skip
 
     assert own
+    initial_policy(CONFIG)  # sets those of a learner
     before = settings()
     one = loop(tmp_path / "runs", callbacks="Meddler", **EVALUATED)
     assert one.run()

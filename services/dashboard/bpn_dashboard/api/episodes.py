@@ -83,7 +83,9 @@ def list_episodes(
     if iteration is None:
         return EpisodeList(iteration=None, first_iteration=None, last_iteration=None, items=[])
     record = record_of(folder, "metrics.jsonl", iteration)
-    returns = "returns_px" if record and "returns_px" in record else "returns"  # px, or gym:
+    returns = (
+        "returns_px" if record and "returns_px" in record else "returns"
+    )  # px, or the robot's unit
     items = []
     for match in found:
         if int(match[1]) != iteration:

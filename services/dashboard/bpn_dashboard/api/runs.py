@@ -25,7 +25,7 @@ from bpn_shared.runs.creation import configure
 from bpn_shared.spec.algorithms import Algorithm, NetworkKind, offered_algorithms
 from bpn_shared.spec.config import OPTIONS, RunConfig
 from bpn_shared.spec.installed import offered
-from bpn_shared.spec.tasks import TaskSpec
+from bpn_shared.spec.tasks import TaskFamily, TaskOptions, TaskSpec
 
 router = APIRouter(tags=["runs"])
 
@@ -81,15 +81,45 @@ class TaskChoice(BaseModel):
         )
 
 
+class FamilyChoice(BaseModel):
+    """Tasks without number of one kind: FAMILY:WHICH."""
+
+    name: str
+    title: str
+    which: Annotated[str, Field(description="what stands behind the colon, in words")]
+    noun: str
+    about: str
+    pattern: Annotated[str, Field(description="of all that may stand there")]
+    examples: list[str]
+
+    @classmethod
+    def of(cls, name: str, family: TaskFamily) -> "FamilyChoice":
+        """What a form needs."""
+        return cls(
+            name=name,
+            title=family.title,
+            which=family.which,
+            noun=family.noun,
+            about=family.about,
+            pattern=family.pattern,
+            examples=[whole.removeprefix(f"{name}:") for whole in family.known],
+        )
+
+
 class ConfigSchema(BaseModel):
     """What a run's configuration may hold, with the tasks that are installed beside the dashboard.
 
-    The preset "gym:" is that of Gymnasium environments without their own; 0 actions: they are found out.
+    The preset "FAMILY:" is that of a family's tasks without their own; 0 actions: they are found out.
     """
 
     schema_: dict[str, Any]
     presets: dict[str, dict[str, Any]]
     tasks: list[TaskChoice]
+    families: list[FamilyChoice]
+    family_options: Annotated[
+        list[str],
+        Field(description="that families' tasks alone leave open; of other tasks they are fixed"),
+    ]
     algorithms: list[AlgorithmChoice]
     defaults: dict[str, Any]
 
@@ -122,6 +152,8 @@ def config_schema(_who: Viewer) -> ConfigSchema:
         schema_={"type": "object", "properties": {name: properties[name] for name in OPTIONS}},
         presets={name: preset | bare.get(name, {}) for name, preset in tasks.presets.items()},
         tasks=[TaskChoice.of(task) for task in sorted(tasks.specs, key=_steps_of_run)],
+        families=[FamilyChoice.of(name, one) for name, one in sorted(tasks.families.items())],
+        family_options=[name for name in OPTIONS if name in TaskOptions.model_fields],
         algorithms=[AlgorithmChoice.of(algorithm) for algorithm in algorithms],
         defaults={name: _DEFAULTS[name] for name in OPTIONS if name in _DEFAULTS},
     )

@@ -22,7 +22,6 @@ from bpn_shared.messages.decision import Decision
 from bpn_shared.messages.metrics import MetricsBatch
 from bpn_shared.messages.preview import PreviewHeader, check_pixels
 from bpn_shared.runs.folder import RunFolder
-from bpn_shared.spec.network import IMAGE_SIZE_PX
 
 Put = Callable[[Any], None]
 Close = Callable[[], None]
@@ -97,8 +96,8 @@ def _camera_frame(message: tuple[bytes, bytes]) -> CameraFrame:
     return CameraFrame(
         t_capture_unix_s=header.t_capture_unix_ns / 1e9,
         channels=header.channels,
-        height_px=IMAGE_SIZE_PX,
-        width_px=IMAGE_SIZE_PX,
+        height_px=header.frame_px,
+        width_px=header.frame_px,
         frames_stacked=header.frames_stacked,
         pixels=pixels,
     )

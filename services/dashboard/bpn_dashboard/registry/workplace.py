@@ -61,7 +61,10 @@ def _plugins_of(config: RunConfig) -> Iterator[tuple[Group, str, Role]]:
         yield plugins.CALLBACKS, name, "learner"
     if config.task_spec.rewards is not None:
         yield plugins.REWARDS, config.task_spec.rewards, "learner"
-    yield plugins.KERNELS, config.kernel, "edge"
+    yield plugins.TARGETS, config.algorithm_spec.targets, "learner"
+    yield plugins.SELECTIONS, config.policy, "edge"
+    if config.kernel:  # else each edge chooses
+        yield plugins.KERNELS, config.kernel, "edge"
     yield plugins.ROBOTS, config.task_spec.robot, "robot_sim"
 
 

@@ -16,7 +16,7 @@ from bpn_edge.fpga.package import set_identity
 from bpn_shared.bnn.blob import Parameters, WeightBlob, canonical_thresholds
 from bpn_shared.bnn.envelope import BlobError
 from bpn_shared.bnn.golden import Observation
-from bpn_shared.spec.network import LAYERS, Layer, NetworkSpec
+from bpn_shared.spec.network import Layer, NetworkSpec
 
 Words = npt.NDArray[np.uint32]
 Bits = npt.NDArray[np.uint8]
@@ -104,8 +104,8 @@ def parameters(build: Build, spec: NetworkSpec, held: tuple[Words, Words, Words]
     }
     found = WeightBlob(
         spec,
-        tuple((bits[name].astype(np.int8) * 2 - 1) for name in LAYERS),
-        tuple(taus[name] for name in LAYERS[:-1]),
+        tuple((bits[name].astype(np.int8) * 2 - 1) for name in bits),
+        tuple(taus[name] for name in taus),
         scale=1.0,
     )
     if any(not np.array_equal(a, b) for a, b in zip(memories(build, found), held, strict=True)):

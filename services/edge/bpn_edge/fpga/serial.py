@@ -70,7 +70,10 @@ class SerialCore:
 
     def _stream(self, register: int, words: npt.NDArray[np.uint32]) -> None:
         command = b"S" + struct.pack("<HI", register, len(words)) + words.astype("<u4").tobytes()
-        _check(self._ask(command, 1, more_s=len(command) * 10 / BAUD)[0], f"a stream into 0x{register:03x}")
+        _check(
+            self._ask(command, 1, more_s=len(command) * 10 / BAUD)[0],
+            f"a stream into 0x{register:03x}",
+        )
 
     def _ask(self, command: bytes, count: int, more_s: float = 0.0) -> bytes:
         self._line.write(command)
@@ -102,7 +105,9 @@ class Tty:
             termios.tcflush(self._file, termios.TCIOFLUSH)
         except termios.error as error:
             os.close(self._file)
-            raise ConfigError(f"kernel 'fpga': {path} is no serial line of {BAUD} baud: {error.args[-1]}") from error
+            raise ConfigError(
+                f"kernel 'fpga': {path} is no serial line of {BAUD} baud: {error.args[-1]}"
+            ) from error
 
     def write(self, data: bytes) -> None:
         while data:

@@ -17,7 +17,15 @@ from bpn_shared.spec.config import ConfigError
 
 CACHE = "BPN_RTL_CACHE"
 """Environment variable: the folder of the models that were made; by default ~/.cache/bpn/rtl."""
-_COMPILE = ("-std=c++17", "-O2", "-fPIC", "-fvisibility=hidden", "-DVL_TIME_CONTEXT", "-DVM_TRACE=0", "-DVM_COVERAGE=0")
+_COMPILE = (
+    "-std=c++17",
+    "-O2",
+    "-fPIC",
+    "-fvisibility=hidden",
+    "-DVL_TIME_CONTEXT",
+    "-DVM_TRACE=0",
+    "-DVM_COVERAGE=0",
+)
 
 
 @dataclass(frozen=True)
@@ -53,7 +61,11 @@ def model_library(build: Build, harness: Harness = CORE, *, rtl: Path | None = N
         ConfigError: Verilator or a C++ compiler is missing, or fails.
     """
     rtl = rtl or sources.folder()
-    files = [*sorted(rtl.glob("bpn_*.sv")), *sorted(rtl.glob(harness.shell) if harness.shell else ()), rtl / harness.driver]
+    files = [
+        *sorted(rtl.glob("bpn_*.sv")),
+        *sorted(rtl.glob(harness.shell) if harness.shell else ()),
+        rtl / harness.driver,
+    ]
     digest = hashlib.sha256(f"{harness}{_COMPILE}{render(build)}".encode())
     for file in files:
         digest.update(file.read_bytes())
@@ -92,17 +104,43 @@ def _cache() -> Path:
 def _make(build: Build, harness: Harness, files: list[Path], library: Path) -> None:
     compiler = shutil.which("g++") or shutil.which("clang++")
     if compiler is None:
-        raise ConfigError("kernel 'rtl' needs a C++ compiler, which is not installed: apt-get install g++")
+        raise ConfigError(
+            "kernel 'rtl' needs a C++ compiler, which is not installed: apt-get install g++"
+        )
     program, environment = verilator()
     with tempfile.TemporaryDirectory(dir=library.parent, prefix=".making-") as made:
         folder = Path(made)
         package = sources.write_package(build, folder)
         *modules, model = map(str, files)
-        verilate = [str(program), "--cc", "-O3", "--x-assign", "fast", "--top-module", harness.top, "--prefix", f"V{harness.top}"]
-        verilate += [*harness.options, "--Mdir", made, "--output-split", "6000", str(package), *modules]
+        verilate = [
+            str(program),
+            "--cc",
+            "-O3",
+            "--x-assign",
+            "fast",
+            "--top-module",
+            harness.top,
+            "--prefix",
+            f"V{harness.top}",
+        ]
+        verilate += [
+            *harness.options,
+            "--Mdir",
+            made,
+            "--output-split",
+            "6000",
+            str(package),
+            *modules,
+        ]
         _run(verilate, environment)
         include = _include(program, environment)
-        flags = [*_COMPILE, f"-DPIXEL_BYTES={build.pixel_bytes}", f"-I{made}", f"-I{include}", f"-I{include}/vltstd"]
+        flags = [
+            *_COMPILE,
+            f"-DPIXEL_BYTES={build.pixel_bytes}",
+            f"-I{made}",
+            f"-I{include}",
+            f"-I{include}/vltstd",
+        ]
         units = [model, *map(str, folder.glob("*.cpp")), f"{include}/verilated.cpp"]
         if (include / "verilated_threads.cpp").exists():
             units.append(f"{include}/verilated_threads.cpp")
@@ -110,7 +148,9 @@ def _make(build: Build, harness: Harness, files: list[Path], library: Path) -> N
         with ThreadPoolExecutor(os.cpu_count()) as pool:
             list(
                 pool.map(
-                    lambda unit, to: _run([compiler, *flags, "-c", unit, "-o", to], environment), units, objects
+                    lambda unit, to: _run([compiler, *flags, "-c", unit, "-o", to], environment),
+                    units,
+                    objects,
                 )
             )
         done = folder / "model.so"
@@ -121,7 +161,9 @@ def _make(build: Build, harness: Harness, files: list[Path], library: Path) -> N
 def _include(program: Path, environment: dict[str, str]) -> Path:
     root = environment.get("VERILATOR_ROOT")
     if root is None:
-        said = subprocess.run([program, "--getenv", "VERILATOR_ROOT"], capture_output=True, text=True, check=False)
+        said = subprocess.run(
+            [program, "--getenv", "VERILATOR_ROOT"], capture_output=True, text=True, check=False
+        )
         root = said.stdout.strip() or "/usr/share/verilator"
     return Path(root) / "include"
 
@@ -130,4 +172,6 @@ def _run(command: list[str], environment: dict[str, str]) -> None:
     done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
     if done.returncode:
         said = (done.stderr or done.stdout).strip().splitlines()
-        raise ConfigError(f"kernel 'rtl' cannot be made: {Path(command[0]).name}: {said[0] if said else done.returncode}")
+        raise ConfigError(
+            f"kernel 'rtl' cannot be made: {Path(command[0]).name}: {said[0] if said else done.returncode}"
+        )

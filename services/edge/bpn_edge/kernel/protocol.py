@@ -50,7 +50,7 @@ class Kernel(Protocol):
         """One inference.
 
         Args:
-            observation: uint8[C, 84, 84]; a view that is not C-contiguous is copied first.
+            observation: uint8[C, rows, columns]; a view that is not C-contiguous is copied first.
 
         Returns:
             [|A|], an array of its own: o_5 as int32 of a binarized policy, P as float32 of a float one.

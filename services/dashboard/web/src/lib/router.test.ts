@@ -34,5 +34,5 @@ test('values that a page does not know fall back to its default', () => {
 
 test('parameters with a prefix come together', () => {
   const view = View.parse('?config.alpha=0.9&config.hidden_units=100&task=pointing');
-  expect(view.prefixed('config.')).toEqual({ alpha: '0.9', nodes: '100' });
+  expect(view.prefixed('config.')).toEqual({ alpha: '0.9', hidden_units: '100' });
 });

@@ -59,7 +59,12 @@ export type SystemStatus = Schemas['SystemStatus'];
 
 export type TaskInfo = Schemas['TaskChoice'];
 
-export type ConfigSchema = Pick<Schemas['ConfigSchema'], 'tasks'> & {
+export type TaskFamily = Schemas['FamilyChoice'];
+
+export type ConfigSchema = Pick<
+  Schemas['ConfigSchema'],
+  'tasks' | 'families' | 'family_options'
+> & {
   schema: { properties: Record<string, JsonSchemaProperty> };
   presets: Record<string, Config>;
   defaults: Config;

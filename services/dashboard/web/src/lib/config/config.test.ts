@@ -23,17 +23,33 @@ const SCHEMA: ConfigSchema = {
       invented_later: { type: 'integer', default: 1 },
     },
   },
-  presets: { pointing: { hidden_units: 256 }, sorting: { beta: 3 }, 'gym:': { beta: 2, hidden_units: 50 } },
+  presets: {
+    pointing: { hidden_units: 256 },
+    sorting: { beta: 3 },
+    'world:': { beta: 2, hidden_units: 50 },
+  },
   tasks: [
     { name: 'pointing', title: 'Pointing', ...TASK },
     { name: 'sorting', title: 'Sorting', ...TASK },
   ],
+  families: [
+    {
+      name: 'world',
+      title: 'Worlds',
+      which: '[MODULE:]ID',
+      noun: 'World',
+      about: '',
+      pattern: String.raw`([A-Za-z_]\w*(\.[A-Za-z_]\w*)*:)?([A-Za-z0-9_.-]+/)?[A-Za-z0-9_.-]+`,
+      examples: ['Flat-v1'],
+    },
+  ],
+  family_options: ['env_kwargs', 'crop', 'difference'],
   defaults: {},
 };
 const field = (key: string) => fieldOf(SCHEMA.schema.properties, key);
 
 test('every key of the schema has its field, also one that nobody placed', () => {
-  const keys = sectionsOf(SCHEMA, 'gym:A-v0').flatMap((section) =>
+  const keys = sectionsOf(SCHEMA, 'world:A-v0').flatMap((section) =>
     section.fields.map((one) => one.key),
   );
   expect([...keys].sort()).toEqual(
@@ -69,31 +85,49 @@ test('what a number prints as is read back', () => {
 });
 
 test('a task has its preset over the defaults', () => {
-  expect(presetOf(SCHEMA, 'pointing')).toMatchObject({ hidden_units: 256, beta: 1, task: 'pointing' });
+  expect(presetOf(SCHEMA, 'pointing')).toMatchObject({
+    hidden_units: 256,
+    beta: 1,
+    task: 'pointing',
+  });
   expect(presetOf(SCHEMA, 'sorting')).toMatchObject({ hidden_units: 100, beta: 3 });
 });
 
-test('a Gymnasium environment has the preset of its kind, and needs an id', () => {
-  expect(presetOf(SCHEMA, 'gym:Some-v0')).toMatchObject({
+test('one of a family has the preset of its kind, and needs a name', () => {
+  expect(presetOf(SCHEMA, 'world:Some-v0')).toMatchObject({
     hidden_units: 50,
     beta: 2,
-    task: 'gym:Some-v0',
+    task: 'world:Some-v0',
   });
-  const draft = draftOf(SCHEMA, { task: 'gym:space/Some-v0', hidden_units: 60 });
+  const draft = draftOf(SCHEMA, { task: 'world:space/Some-v0', hidden_units: 60 });
   expect(read(SCHEMA, draft)).toMatchObject({
-    config: { task: 'gym:space/Some-v0', hidden_units: 60 },
+    config: { task: 'world:space/Some-v0', hidden_units: 60 },
     wrong: {},
   });
-  for (const task of ['gym:minigrid:Empty-5x5-v0', 'gym:some.pack:space/Some-v0']) {
+  for (const task of ['world:minigrid:Empty-5x5-v0', 'world:some.pack:space/Some-v0']) {
     expect(read(SCHEMA, { ...draft, task }).wrong).toEqual({});
   }
-  for (const task of ['gym:', 'gym:a b', 'gym:a/b/c', 'gym:a-b:C-v0', 'gym:a..b:C', 'gym::C']) {
-    expect(read(SCHEMA, { ...draft, task }).wrong.task).toContain('the id of an environment');
+  for (const task of [
+    'world:',
+    'world:a b',
+    'world:a/b/c',
+    'world:a-b:C-v0',
+    'world:a..b:C',
+    'world::C',
+  ]) {
+    expect(read(SCHEMA, { ...draft, task }).wrong.task).toBe(
+      'must be [MODULE:]ID, such as Flat-v1',
+    );
   }
 });
 
 test('only what differs from the preset is asked for', () => {
-  const draft = draftOf(SCHEMA, { task: 'pointing', hidden_units: 256, alpha: 0.8, algorithm: 'bqn' });
+  const draft = draftOf(SCHEMA, {
+    task: 'pointing',
+    hidden_units: 256,
+    alpha: 0.8,
+    algorithm: 'bqn',
+  });
   expect(read(SCHEMA, draft)).toMatchObject({
     config: { task: 'pointing', alpha: 0.8, algorithm: 'bqn' },
     runs: 1,
@@ -103,7 +137,7 @@ test('only what differs from the preset is asked for', () => {
   draft.texts = { beta: '3', hidden_units: 'many' };
   expect(read(SCHEMA, draft)).toMatchObject({
     config: { task: 'sorting', algorithm: 'bqn' },
-    wrong: { nodes: 'must be a number' },
+    wrong: { hidden_units: 'must be a number' },
   });
 });
 
@@ -125,7 +159,7 @@ test('a sweep is its grid times its seeds, and says where it is wrong', () => {
   draft.axes = [{ key: 'hidden_units', text: '100 100' }];
   draft.seeds = '5-2';
   expect(read(SCHEMA, draft).wrong).toEqual({
-    'grid.nodes': '100 stands twice',
+    'grid.hidden_units': '100 stands twice',
     seeds: '5-2: must rise, and by less than 1000',
   });
   draft.axes = [{ key: 'hidden_units', text: '1-900' }];
@@ -133,10 +167,10 @@ test('a sweep is its grid times its seeds, and says where it is wrong', () => {
   expect(read(SCHEMA, draft).wrong.seeds).toContain('1800 runs');
 });
 
-test('what only environments have is asked of them alone, and may be emptied again', () => {
-  const draft = draftOf(SCHEMA, { task: 'gym:A-v0', crop: '0,34,160,160', difference: true });
+test('what only families leave open is asked of their tasks alone, and may be emptied again', () => {
+  const draft = draftOf(SCHEMA, { task: 'world:A-v0', crop: '0,34,160,160', difference: true });
   expect(read(SCHEMA, draft).config).toEqual({
-    task: 'gym:A-v0',
+    task: 'world:A-v0',
     crop: '0,34,160,160',
     difference: true,
   });
@@ -144,7 +178,7 @@ test('what only environments have is asked of them alone, and may be emptied aga
   draft.texts.crop = ' ';
   expect(read(SCHEMA, draft)).toMatchObject({ wrong: {} });
   expect(read(SCHEMA, draft).config).not.toHaveProperty('crop');
-  const [first] = sectionsOf(SCHEMA, 'gym:A-v0');
+  const [first] = sectionsOf(SCHEMA, 'world:A-v0');
   expect(first?.fields.map((one) => one.key)).toEqual(['env_kwargs', 'crop', 'difference']);
   const others = sectionsOf(SCHEMA, 'pointing').flatMap((section) => section.fields);
   expect(others.map((one) => one.key)).not.toContain('crop');

@@ -1,7 +1,7 @@
 /** What somebody is about to start: texts of a form on one side, a request on the other. */
 
 import type { Config, ConfigSchema, ConfigValue } from '../api/types';
-import { concerns, fieldOf, isTask, parseValue, presetOf, textOf, type Field } from './form';
+import { concerns, fieldOf, parseValue, presetOf, textOf, wrongTask, type Field } from './form';
 import { MOST_RUNS, parseValues, runsOf, type Axis } from './sweep';
 
 export interface Draft {
@@ -60,15 +60,13 @@ export function read(schema: ConfigSchema, draft: Draft): Reading {
     runs: 1,
     wrong: {},
   };
-  if (!isTask(draft.task)) {
-    reading.wrong.task =
-      'must be the id of an environment, such as CartPole-v1 or minigrid:MiniGrid-Empty-5x5-v0';
-  }
+  const wrong = wrongTask(schema, draft.task);
+  if (wrong) reading.wrong.task = wrong;
   const swept = new Set(draft.sweep ? ['seed', ...draft.axes.map((axis) => axis.key)] : []);
   const texts = { ...draft.texts, algorithm: draft.algorithm };
   for (const [key, text] of Object.entries(texts)) {
     const field = byKey.get(key);
-    if (!field || swept.has(key) || !concerns(key, draft.task)) continue;
+    if (!field || swept.has(key) || !concerns(schema, key, draft.task)) continue;
     const parsed = parseValue(field, text);
     if ('wrong' in parsed) reading.wrong[key] = parsed.wrong;
     else if (parsed.value !== preset[key]) reading.config[key] = parsed.value;

@@ -1,6 +1,12 @@
 /** A form of a run's configuration, made from its JSON schema: fields, limits, and values out of text. */
 
-import type { Config, ConfigSchema, ConfigValue, JsonSchemaProperty } from '../api/types';
+import type {
+  Config,
+  ConfigSchema,
+  ConfigValue,
+  JsonSchemaProperty,
+  TaskFamily,
+} from '../api/types';
 import { number } from '../format';
 
 export interface Field {
@@ -18,25 +24,8 @@ export interface Section {
   fields: Field[];
 }
 
-/* Of other tasks these are fixed. */
-const OF_GYM = [
-  'env_kwargs',
-  'env_wrappers',
-  'frames_from',
-  'observation_key',
-  'crop',
-  'frame_channels',
-  'frames_stacked',
-  'difference',
-  'frame_skip',
-  'max_over_frames',
-  'actions',
-  'action_bins',
-];
-
 /* What belongs together; keys that are not named here come last, so that a new one is never missing. */
 const SECTIONS: { title: string; open: boolean; keys: string[] }[] = [
-  { title: 'Environment', open: false, keys: OF_GYM },
   {
     title: 'Run',
     open: true,
@@ -60,6 +49,7 @@ const SECTIONS: { title: string; open: boolean; keys: string[] }[] = [
       'lr_run_final_factor',
       'scale_initial',
       'algorithm_options',
+      'conv',
     ],
   },
   {
@@ -72,11 +62,13 @@ const SECTIONS: { title: string; open: boolean; keys: string[] }[] = [
 const ELSEWHERE = new Set(['task', 'algorithm']);
 
 /** The form for a task: every value that means something for it. */
-export function sectionsOf({ schema }: ConfigSchema, task: string): Section[] {
+export function sectionsOf(all: ConfigSchema, task: string): Section[] {
+  const { schema } = all;
   const rest = new Set(
-    Object.keys(schema.properties).filter((key) => !ELSEWHERE.has(key) && concerns(key, task)),
+    Object.keys(schema.properties).filter((key) => !ELSEWHERE.has(key) && concerns(all, key, task)),
   );
-  const sections = SECTIONS.map(({ title, open, keys }) => ({
+  const first = { title: familyOf(all, task)?.noun ?? '', open: false, keys: all.family_options };
+  const sections = [first, ...SECTIONS].map(({ title, open, keys }) => ({
     title,
     open,
     fields: keys.filter((key) => rest.delete(key)).map((key) => fieldOf(schema.properties, key)),
@@ -103,20 +95,29 @@ export function fieldOf(properties: Record<string, JsonSchemaProperty>, key: str
   };
 }
 
-/** Begins the names of tasks that are Gymnasium environments; also the preset of those without their own. */
-export const GYM = 'gym:';
+/** What the names of a family's tasks begin with; also the preset of those without their own. */
+export function prefixOf(family: TaskFamily): string {
+  return `${family.name}:`;
+}
 
-/** The environment's id, with the module in front of another package's. */
-const GYM_TASK = /^gym:([A-Za-z_]\w*(\.[A-Za-z_]\w*)*:)?([\w.-]+\/)?[\w.-]+$/;
+/** The family that a task is of; undefined: it is one task. */
+export function familyOf({ families }: ConfigSchema, task: string): TaskFamily | undefined {
+  return families.find((family) => task.startsWith(prefixOf(family)));
+}
 
-/** Whether the task may be named so. */
-export function isTask(name: string): boolean {
-  return !name.startsWith(GYM) || GYM_TASK.test(name);
+/** What is wrong with a task's name; empty: nothing. */
+export function wrongTask(schema: ConfigSchema, task: string): string {
+  const family = familyOf(schema, task);
+  if (!family) return '';
+  const which = task.slice(prefixOf(family).length);
+  if (new RegExp(`^(?:${family.pattern})$`).test(which)) return '';
+  const [example] = family.examples;
+  return `must be ${family.which}${example ? `, such as ${example}` : ''}`;
 }
 
 /** Whether the value means something for the task. */
-export function concerns(key: string, task: string): boolean {
-  return task.startsWith(GYM) || !OF_GYM.includes(key);
+export function concerns(schema: ConfigSchema, key: string, task: string): boolean {
+  return !schema.family_options.includes(key) || familyOf(schema, task) !== undefined;
 }
 
 /** What a task's runs have unless something is changed. */
@@ -127,7 +128,8 @@ export function presetOf(schema: ConfigSchema, task: string): Config {
       property.default ?? null,
     ]),
   );
-  const preset = schema.presets[task] ?? (task.startsWith(GYM) ? schema.presets[GYM] : {});
+  const family = familyOf(schema, task);
+  const preset = schema.presets[task] ?? (family ? schema.presets[prefixOf(family)] : {});
   return { ...defaults, ...schema.defaults, ...preset, task };
 }
 
