@@ -65,7 +65,7 @@ def test_a_frozen_learner_that_was_replaced_writes_nothing_when_it_thaws(
     try:
         first = supervisor.service("learner").process
         assert first is not None
-        wait_for(lambda: len(folder.metrics()) > 2, "the first learner's iterations", 60)
+        wait_for(lambda: len(folder.metrics()) > 2, "the first learner's iterations", 150)
         first.send_signal(signal.SIGSTOP)
         open_up(folder)
         second = subprocess.Popen(
@@ -74,7 +74,7 @@ def test_a_frozen_learner_that_was_replaced_writes_nothing_when_it_thaws(
                 endpoint, "--runs-dir", str(tmp_path),
             ]
         )  # fmt: skip
-        wait_for(lambda: attempts(folder)[-1] == 2, "the second learner's iterations", 60)
+        wait_for(lambda: attempts(folder)[-1] == 2, "the second learner's iterations", 150)
         assert folder.state().state == "running", "the run is over too early"
         first.send_signal(signal.SIGCONT)
         assert first.wait(60) == EXIT_UNRECOVERABLE

@@ -91,7 +91,7 @@ def test_garbage_on_every_key_is_refused_counted_and_changes_nothing(
     folder, endpoint = new_run(tmp_path, CONFIG), private_endpoint()
     run = threading.Thread(target=run_to_end, args=(folder, lambda _: None, endpoint))
     run.start()
-    wait_for(folder.episode_path(0, 0).exists, "the first episode", 60)
+    wait_for(folder.episode_path(0, 0).exists, "the first episode", 150)
     frame, action, weights = (
         keys.frame(folder.run, 0), keys.action(folder.run, 0), keys.weights(folder.run)
     )  # fmt: skip
@@ -136,7 +136,7 @@ def test_when_the_supervisor_is_killed_its_services_end(
         [sys.executable, "-m", "bpn", "train", "reaching", "--runs-dir", str(tmp_path)],
         stdout=subprocess.DEVNULL,
     )
-    wait_for(lambda: list(tmp_path.glob("*/episodes/000000-*.bpne")), "the first episode", 60)
+    wait_for(lambda: list(tmp_path.glob("*/episodes/000000-*.bpne")), "the first episode", 150)
     services = psutil.Process(process.pid).children(recursive=True)
     process.kill()
     process.wait()

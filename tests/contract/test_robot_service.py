@@ -57,7 +57,7 @@ class EdgeSide:
             return [f for f in self.frames if (f[0].step, f[0].reset_id) == (step, reset_id)]
 
         with self._news:
-            assert self._news.wait_for(lambda: len(found()) >= count, 20), f"no frame {step}"
+            assert self._news.wait_for(lambda: len(found()) >= count, 60), f"no frame {step}"
             return found()[-1]
 
     def act(self, action: int, step: int, reset_id: int) -> None:

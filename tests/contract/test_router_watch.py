@@ -138,4 +138,4 @@ def test_who_was_frozen_gives_up_although_its_clock_seems_right(
     threading.Event().wait(7.0)  # the fault itself: a process that stands still for so long
     os.kill(process.pid, signal.SIGCONT)
     assert re.fullmatch(r"this process stood still for [67] s\n", process.stdout.readline())
-    assert process.wait(20) == 0
+    assert process.wait(60) == 0

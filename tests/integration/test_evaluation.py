@@ -85,7 +85,7 @@ def test_several_robots_and_a_killed_edge_play_the_same_trials(
         return [child for child in children if "bpn_edge" in " ".join(child.cmdline())]
 
     player.start()
-    wait_for(lambda: len(edges()) == 2, "two edges", 60)
+    wait_for(lambda: len(edges()) == 2, "two edges", 150)
     edges()[0].kill()
     player.join(120)
     assert equal(two, undisturbed)

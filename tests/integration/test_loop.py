@@ -138,11 +138,11 @@ def test_ctrl_c_stops_everything_and_resume_ends_as_if_undisturbed(
         stdout=subprocess.PIPE,
         text=True,
     )
-    wait_for(lambda: len(list(tmp_path.glob("*/episodes/000002-*.bpne"))) > 3, "iteration 2", 60)
+    wait_for(lambda: len(list(tmp_path.glob("*/episodes/000002-*.bpne"))) > 3, "iteration 2", 150)
     services = psutil.Process(process.pid).children(recursive=True)
     assert len(services) == 4
     process.send_signal(signal.SIGINT)
-    output, _ = process.communicate(timeout=20)
+    output, _ = process.communicate(timeout=60)
     assert process.returncode == 130
     assert "bpn train --resume" in output
     assert not [service for service in services if service.is_running()]
@@ -168,7 +168,7 @@ def test_ctrl_c_as_soon_as_the_run_has_a_name_says_how_to_go_on(
     assert process.stderr is not None
     assert process.stderr.readline().startswith("run ")
     process.send_signal(signal.SIGINT)
-    output, said = process.communicate(timeout=20)
+    output, said = process.communicate(timeout=60)
     assert process.returncode == 130
     assert "stopped; go on with: bpn train --resume" in said
     assert json.loads(output)["state"] == "stopped"

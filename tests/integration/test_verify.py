@@ -179,7 +179,7 @@ def test_a_run_that_was_stopped_and_resumed_agrees(
         command("train", *RUNS["bpn"], *SMALL, "--runs-dir", str(tmp_path)),
         stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
     )  # fmt: skip
-    wait_for(lambda: len(list(tmp_path.glob("*/episodes/000001-*.bpne"))) > 1, "iteration 1", 60)
+    wait_for(lambda: len(list(tmp_path.glob("*/episodes/000001-*.bpne"))) > 1, "iteration 1", 150)
     process.terminate()
     process.wait(30)
     (folder,) = (RunFolder(path.parent) for path in tmp_path.glob("*/config.json"))

@@ -55,7 +55,10 @@ def main() -> int:
     parser.add_argument("--tried", action="store_true", help="try nothing: report what was tried")
     parser.add_argument("--anew", action="store_true", help="forget what was tried before")
     parser.add_argument(
-        "--results", type=Path, metavar="FILE", help="write what was found, as JSON"
+        "--results",
+        type=Path,
+        metavar="FILE",
+        help="write what was found, as JSON, to what is there",
     )
     options = parser.parse_args()
     os.nice(10)

@@ -10,6 +10,7 @@ from typing import Any
 from tests.mutants.tree import ROOT
 
 SAMPLED_TARGET, AIMED_TARGET = 0.92, 0.90
+VERDICTS = ("killed", "hung", "survived", "equivalent", "untried")
 Record = dict[str, Any]
 
 
@@ -18,30 +19,73 @@ def document(aimed: Sequence[Record], sampled: Sequence[Record], **how: object) 
     of_modules: dict[str, Counter[str]] = {}
     for record in sampled:
         of_modules.setdefault(record["module"], Counter())[record["verdict"]] += 1
-    total = Counter(record["verdict"] for record in sampled)
-    counted = len(sampled) - total["equivalent"] - total["untried"]
+    commit = _commit()
+    modules = {name: _counts(of) | {"commit": commit} for name, of in of_modules.items()}
     noticed = [record for record in aimed if record["verdict"] == "noticed"]
-    tried = len([record for record in aimed if record["verdict"] != "untried"])
     return {
-        "commit": _commit(),
         "how": how,
         "sampled": {
-            "modules": {name: _counts(counts) for name, counts in of_modules.items()},
-            "total": _counts(total) | {
-                "changes": len(sampled), "modules": len(of_modules), "counted": counted,
-                "noticed": counted - total["survived"],
-                "share": _share(counted - total["survived"], counted),
-            },
+            "modules": modules,
+            "total": _total(modules),
             "survivors": [record["what"] for record in sampled if record["verdict"] == "survived"],
             "equivalent": {r["what"]: r["by"] for r in sampled if r["verdict"] == "equivalent"},
         },
-        "aimed": {
-            "faults": len(aimed), "tried": tried, "noticed": len(noticed),
-            "by_verify": sum(record["by"].startswith("bpn verify") for record in noticed),
-            "share": _share(len(noticed), tried),
-            "missed": [record["what"] for record in aimed if record["verdict"] == "missed"],
-            "by": {record["what"]: record["by"] for record in noticed},
+        "aimed": _aimed(
+            {record["what"]: record["by"] for record in noticed},
+            [record["what"] for record in aimed if record["verdict"] == "missed"],
+            untried=sum(record["verdict"] == "untried" for record in aimed),
+        ),
+    }
+
+
+def merged(older: dict[str, Any], newer: dict[str, Any]) -> dict[str, Any]:
+    """The newer document, with the older's modules and faults that it does not have or has not tried."""
+    was, now = older["sampled"], newer["sampled"]
+    tried = {name for name, row in now["modules"].items() if not row["untried"]}
+    modules = was["modules"] | {
+        name: row
+        for name, row in now["modules"].items()
+        if name in tried or name not in was["modules"]
+    }
+
+    def of_the_rest(what: str) -> bool:
+        return what.partition(":")[0] not in tried
+
+    by = older["aimed"]["by"] | newer["aimed"]["by"]
+    missed = {*older["aimed"]["missed"], *newer["aimed"]["missed"]} - newer["aimed"]["by"].keys()
+    by = {name: what for name, what in by.items() if name not in missed}
+    known = len(by) + len(missed)
+    return {
+        "how": newer["how"],
+        "sampled": {
+            "modules": modules,
+            "total": _total(modules),
+            "survivors": [*filter(of_the_rest, was["survivors"]), *now["survivors"]],
+            "equivalent": {
+                what: why for what, why in was["equivalent"].items() if of_the_rest(what)
+            }
+            | now["equivalent"],
         },
+        "aimed": _aimed(by, sorted(missed), untried=max(0, older["aimed"]["faults"] - known)),
+    }
+
+
+def _total(modules: dict[str, dict[str, Any]]) -> dict[str, Any]:
+    total = {verdict: sum(row[verdict] for row in modules.values()) for verdict in VERDICTS}
+    counted = total["killed"] + total["hung"] + total["survived"]
+    noticed = counted - total["survived"]
+    return total | {
+        "changes": sum(total.values()), "modules": len(modules), "counted": counted,
+        "noticed": noticed, "share": _share(noticed, counted),
+    }  # fmt: skip
+
+
+def _aimed(by: dict[str, str], missed: list[str], *, untried: int) -> dict[str, Any]:
+    tried = len(by) + len(missed)
+    return {
+        "faults": tried + untried, "tried": tried, "noticed": len(by),
+        "by_verify": sum(what.startswith("bpn verify") for what in by.values()),
+        "share": _share(len(by), tried), "missed": missed, "by": by,
     }  # fmt: skip
 
 
@@ -49,7 +93,8 @@ def show(found: dict[str, Any]) -> bool:
     """Prints it; whether both targets are reached."""
     print()
     for name, counts in found["sampled"]["modules"].items():
-        print(f"{name:<32}", ", ".join(f"{n} {verdict}" for verdict, n in counts.items() if n))
+        told = (f"{counts[verdict]} {verdict}" for verdict in VERDICTS if counts[verdict])
+        print(f"{name:<32}", ", ".join(told))
     for what in found["sampled"]["survivors"]:
         print("survived ", what)
     for what in found["aimed"]["missed"]:
@@ -66,13 +111,14 @@ def show(found: dict[str, Any]) -> bool:
 
 
 def keep(found: dict[str, Any], path: Path) -> None:
-    """Writes the document."""
+    """Writes the document; of one that is there, what was not tried this time stays."""
+    if path.exists():
+        found = merged(json.loads(path.read_text()), found)
     path.write_text(json.dumps(found, indent=1) + "\n")
 
 
 def _counts(counts: Counter[str]) -> dict[str, int]:
-    verdicts = ("killed", "hung", "survived", "equivalent", "untried")
-    return {verdict: counts[verdict] for verdict in verdicts}
+    return {verdict: counts[verdict] for verdict in VERDICTS}
 
 
 def _share(part: int, of: int) -> float:

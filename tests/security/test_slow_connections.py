@@ -59,7 +59,7 @@ def few_descriptors(
                 found[:] = filter(None, [Dashboard.find(runs_dir)])
                 return bool(found)
 
-            wait_for(answers, "the dashboard to answer", 60)
+            wait_for(answers, "the dashboard to answer", 150)
             with contextlib.closing(found[0]._http) as client:
                 yield process, client
             assert process.poll() is None
@@ -150,7 +150,7 @@ def test_a_request_that_does_not_come_to_its_end_is_ended(tmp_path, wait_for) ->
                     ended += 1
             return ended == 2
 
-        wait_for(both_ended, "the end of both", 60)
+        wait_for(both_ended, "the end of both", 150)
 
 
 def test_a_client_that_takes_its_time_within_the_deadline_is_served(tmp_path, wait_for) -> None:

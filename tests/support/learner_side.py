@@ -25,7 +25,7 @@ from bpn_shared.spec.config import RunConfig
 from bpn_shared.spec.seeds import episode_seed
 
 RUN = UUID(int=21)
-DEADLINE_S = 30.0
+DEADLINE_S = 60.0
 
 
 class LearnerSide:

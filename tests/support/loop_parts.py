@@ -50,7 +50,7 @@ class Running:
 
     def end(self) -> None:
         self.worker.stop.set()
-        self._thread.join(20)
+        self._thread.join(60)
         assert self.status == [0]
 
 

@@ -13,9 +13,10 @@ from bpn_shared.errors import InputError
 from bpn_shared.runs.config_migrations import MIGRATIONS
 from bpn_shared.runs.digests import DamagedError, seal, unseal
 from bpn_shared.spec.algorithms import AlgorithmSpec
-from bpn_shared.spec.config import ConfigError, RunConfig, told_options
+from bpn_shared.spec.config import ConfigError, RunConfig
 from bpn_shared.spec.renamed import renamed
 from bpn_shared.spec.sections import ADDED, LEARNED, SECTIONS
+from bpn_shared.spec.tasks import TaskOptions
 from bpn_shared.version import VERSION, written_by
 
 SCHEMA = 4
@@ -86,7 +87,7 @@ def decode_config(data: bytes, *, source: str) -> RunConfig:
         raise OtherConfigVersionError(
             f"{source}: {', '.join(sorted(unknown))} unknown here, {_whose(document)}"
         )
-    missing = RunConfig.model_fields.keys() - values.keys()
+    missing = RunConfig.model_fields.keys() - values.keys() - TaskOptions.model_fields.keys()
     if missing and schema > 1:
         raise ConfigError(f"{source}: {', '.join(sorted(missing))} missing; {_REMEDY}")
     return RunConfig.parse(values, source=source)
@@ -131,7 +132,7 @@ def _values(document: dict[str, Any], schema: int) -> dict[str, Any] | None:
     if not all(isinstance(part, dict) for part in parts.values()):
         return None
     task, algorithm = dict(parts.pop("task") or {}), dict(parts.pop("algorithm") or {})
-    values = told_options(task) | {"task": task.get("name"), "task_spec": task}
+    values = {"task": task.get("name"), "task_spec": task}
     values |= _of_algorithm(algorithm)
     for part in parts.values():
         values |= part or {}

@@ -1,7 +1,7 @@
 """The configuration of a run: its task and its algorithm by value, and the values of all sections, flat."""
 
 import json
-from collections.abc import Mapping
+from contextlib import suppress
 from typing import Annotated, Any, Self
 
 from pydantic import Field, ValidationError, model_validator
@@ -71,10 +71,11 @@ class RunConfig(ExecutionValues, TrainingValues, AlgorithmValues, TaskOptions):
             name: v for name, v in values.items() if not (name in _AS_THE_TASK and v in (0, "0"))
         }
         of_task = values.get("task_spec")
+        if isinstance(of_task, dict):
+            with suppress(ValidationError):  # which is said of the field
+                of_task = TaskSpec.model_validate(of_task)
         if isinstance(of_task, TaskSpec):
             given = of_task.options() | given
-        elif isinstance(of_task, dict):
-            given = told_options(of_task) | given
         name = given.setdefault("algorithm", "bpn")
         if "algorithm_spec" not in given:
             given["algorithm_spec"] = _algorithm_spec(name)
@@ -248,18 +249,6 @@ class RunConfig(ExecutionValues, TrainingValues, AlgorithmValues, TaskOptions):
             return cls.model_validate_json(data)
         except ValidationError as error:
             raise ConfigError(describe(error, source)) from error
-
-
-def told_options(spec: Mapping[str, Any]) -> dict[str, Any]:
-    """`TaskSpec.options` of a specification as JSON has it, as far as it tells them.
-
-    One of before there were frames of other sizes does not tell theirs.
-    """
-    of_gym, names = spec.get("gym"), spec.get("action_names")
-    told = {"frame_px": IMAGE_SIZE_PX, **spec, **(of_gym if isinstance(of_gym, dict) else {})}
-    if isinstance(names, list | tuple):
-        told["actions"] = len(names)
-    return {name: told[name] for name in TaskOptions.model_fields if name in told}
 
 
 def _algorithm_spec(name: object) -> AlgorithmSpec:

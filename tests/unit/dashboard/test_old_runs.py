@@ -9,6 +9,7 @@ from alembic import command
 from alembic.config import Config
 from sqlalchemy import create_engine, text
 
+from bpn_dashboard.api.groups import group_runs
 from bpn_dashboard.database.engine import MIGRATIONS, Database, sqlite_url
 from bpn_dashboard.registry.store import RunStore
 from bpn_shared.runs.creation import configure
@@ -54,11 +55,9 @@ def test_they_are_in_one_group_with_equal_runs_of_today(store: RunStore, client)
         run["config_hash"] for run in client.get("/api/v1/runs?sort=created_at").json()["items"]
     ]
     assert (hashes[0] == hashes[1], len(set(hashes))) == (True, 3)
-    body = {"filter": {}, "group_by": "all_but_seed", "metrics": ["return_px"]}
-    answer = client.post("/api/v1/series/query", json=body)
-    assert answer.status_code == 200, answer.text
-    sizes = sorted(len(group["run_ids"]) for group in answer.json()["groups"])
-    assert sizes in ([1, 3], [3])  # runs without points may be left out
+    groups = group_runs(store.find(), "all_but_seed")
+    assert [len(group.seeds) for group in groups] == [3, 1]
+    assert groups[1].values == {"alpha": 0.5}
 
 
 def test_a_database_of_before_is_renamed_and_hashed_anew(tmp_path: Path) -> None:

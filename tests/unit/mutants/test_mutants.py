@@ -7,6 +7,7 @@ import threading
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -15,7 +16,7 @@ from tests.mutants.aimed import Fault, faults
 from tests.mutants.copies import Copies
 from tests.mutants.modules import Module, modules
 from tests.mutants.mutations import mutated, mutations
-from tests.mutants.results import document
+from tests.mutants.results import document, merged
 from tests.mutants.sampled import MOST_OF_A_LINE, equivalent, outcomes, sample
 from tests.mutants.tree import ROOT, Tree
 
@@ -182,6 +183,33 @@ def test_what_is_equivalent_does_not_count() -> None:
     assert found["sampled"]["equivalent"] == {"3": "why"}
     assert (found["aimed"]["share"], found["aimed"]["by_verify"]) == (0.5, 1)
     assert found["how"] == {"seed": 3}
+
+
+def test_what_was_not_tried_this_time_stays_from_before() -> None:
+    def found(verdicts: dict[str, str], aimed: dict[str, str]) -> dict[str, Any]:
+        sampled = [
+            {"what": f"{name}:1 f: x", "module": name, "verdict": verdict, "by": "why"}
+            for name, verdict in verdicts.items()
+        ]
+        faults = [
+            {"what": name, "verdict": verdict, "by": "t" * (verdict == "noticed")}
+            for name, verdict in aimed.items()
+        ]
+        return document(faults, sampled)
+
+    before = found(
+        {"a": "survived", "b": "survived", "c": "killed", "d": "equivalent"},
+        {"x": "missed", "y": "noticed", "z": "untried"},
+    )
+    now = found({"a": "killed", "c": "untried", "d": "survived"}, {"x": "noticed", "z": "missed"})
+    both = merged(before, now)
+    assert both["sampled"]["survivors"] == ["b:1 f: x", "d:1 f: x"]
+    assert both["sampled"]["equivalent"] == {}
+    assert both["sampled"]["modules"]["c"]["killed"] == 1
+    total = both["sampled"]["total"]
+    assert (total["changes"], total["counted"], total["noticed"]) == (4, 4, 2)
+    assert (both["aimed"]["missed"], [*both["aimed"]["by"]]) == (["z"], ["y", "x"])
+    assert (both["aimed"]["faults"], both["aimed"]["tried"]) == (3, 3)
 
 
 def test_things_are_tried_beside_each_other_each_in_a_copy_of_its_own() -> None:

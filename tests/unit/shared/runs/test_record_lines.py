@@ -14,7 +14,7 @@ from logged import lines
 from bpn_shared.runs.digests import DamagedError, seal_line
 from bpn_shared.runs.lines import RecordFile, read_line
 
-GOLDEN = Path(__file__).parents[2] / "golden"
+GOLDEN = Path(__file__).parents[3] / "golden"
 (FIRST,) = GOLDEN.glob("schema-1/*/metrics.jsonl")
 OLD: dict[str, Any] = json.loads(FIRST.read_bytes().splitlines()[1])
 

@@ -21,7 +21,7 @@ from bpn_shared.spec.installed import preset_of
 from bpn_shared.spec.sections import AlgorithmValues, ExecutionValues, TrainingValues
 from bpn_shared.version import VERSION, written_by
 
-GOLDEN = Path(__file__).parents[2] / "golden"
+GOLDEN = Path(__file__).parents[3] / "golden"
 CONFIG = RunConfig.for_task("tracking", seed=9, lr_run_final_factor=0.25)
 
 

@@ -15,7 +15,7 @@ from bpn_shared.messages.episode import Episode, EpisodeMeta, decode_meta
 from bpn_shared.messages.episode_form import MAX_BYTES
 from bpn_shared.spec.sections import MAX_STEPS
 
-GOLDEN = Path(__file__).parents[2] / "golden" / "episodes"
+GOLDEN = Path(__file__).parents[3] / "golden" / "episodes"
 REACHING = TASKS["reaching"]
 NEWEST = (GOLDEN / "schema-3.bpne").read_bytes()
 

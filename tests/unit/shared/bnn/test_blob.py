@@ -15,7 +15,7 @@ from bpn_shared.bnn.blob import WeightBlob, encoded_size
 from bpn_shared.bnn.envelope import BlobError
 from bpn_shared.spec.network import NetworkSpec
 
-GOLDEN = Path(__file__).parents[2] / "golden/schema-1/01a21e2b-4a1d-7550-8c36-dce4819c20af/weights"
+GOLDEN = Path(__file__).parents[3] / "golden/schema-1/01a21e2b-4a1d-7550-8c36-dce4819c20af/weights"
 specs = geometries((1, 3, 6), 256, 64) | shapes()
 blobs = st.builds(
     lambda spec, seed, run, attempt, version: replace(

@@ -207,7 +207,7 @@ def test_a_process_that_was_frozen_writes_nothing_after_another_has_begun(
             assert second.begin_attempt() == 2
             before = content(folder)
             process.send_signal(signal.SIGCONT)
-            assert process.wait(20) == 17
+            assert process.wait(60) == 17
             assert content(folder) == before
     finally:
         process.kill()

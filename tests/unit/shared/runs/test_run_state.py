@@ -6,7 +6,7 @@ from bpn_shared.runs.digests import seal
 from bpn_shared.runs.state import RunState, decode_state, encode_state
 from bpn_shared.spec.config import ConfigError
 
-GOLDEN = Path(__file__).parents[2] / "golden"
+GOLDEN = Path(__file__).parents[3] / "golden"
 STATE = RunState(
     state="failed", attempt=3, created_unix_s=1.5, updated_unix_s=2.5, error="x", owner="learner-1"
 )

@@ -14,7 +14,7 @@ from scipy import stats
 
 from bpn_shared.runs.statistics import iqm, mean_std, merge_seeds, over_seeds
 
-VECTORS = json.loads((Path(__file__).parents[2] / "vectors" / "statistics.json").read_text())
+VECTORS = json.loads((Path(__file__).parents[3] / "vectors" / "statistics.json").read_text())
 values = st.floats(-1e6, 1e6)
 samples = st.lists(st.tuples(st.integers(0, 5), values), min_size=1, max_size=30)
 

@@ -15,7 +15,7 @@ from bpn_shared.runtime import heartbeat
 from bpn_shared.runtime.heartbeat import FILE_VARIABLE, READY_SUFFIX, Heartbeat
 
 WaitFor = Callable[..., None]
-HEALTHY = Path(__file__).parents[3] / "deploy" / "compose" / "healthy"
+HEALTHY = Path(__file__).parents[4] / "deploy" / "compose" / "healthy"
 
 
 def is_healthy(file: Path, *options: str) -> bool:

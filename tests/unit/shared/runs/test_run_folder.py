@@ -40,7 +40,7 @@ def test_the_configuration_is_kept(folder: RunFolder) -> None:
 
 def test_lines_have_digests_since_schema_2(folder: RunFolder, tmp_path: Path) -> None:
     """A line without one is damage in a run of today, and all there is in one of schema 1."""
-    (old,) = (Path(__file__).parents[2] / "golden" / "schema-1").iterdir()
+    (old,) = (Path(__file__).parents[3] / "golden" / "schema-1").iterdir()
     for _ in range(2):
         assert folder.has_sealed_lines() is True
         assert RunFolder(old).has_sealed_lines() is False
