@@ -40,6 +40,10 @@ class History:
         self.is_repeatable = config.pacing == "lockstep" and config.device == "cpu"
         """Whether what is done again comes out the same, bit by bit."""
 
+    def transitions(self, iteration: int) -> int:
+        """How many an iteration that is done has."""
+        return int(self._records.get(iteration, {}).get("transitions", 0))
+
     def load_policy(self) -> "tuple[PNetwork, Any, int]":
         """Network, optimizer and the number of updates done, of the checkpoint or else of the beginning.
 
