@@ -104,7 +104,7 @@ def test_a_router_whose_certificates_are_not_renewed_is_not_ready_and_says_why(
     tmp_path: Path, free_tcp_port: Callable[[], int], monkeypatch: pytest.MonkeyPatch,
     wait_for: WaitFor, caplog: pytest.LogCaptureFixture,
 ) -> None:  # fmt: skip
-    make(tmp_path, days=seconds(8), server_names=["localhost"])
+    make(tmp_path, days=seconds(15), server_names=["localhost"])
     make(tmp_path / "lasting", days=1, server_names=["localhost"])
     endpoint = f"tls/localhost:{free_tcp_port()}"
     heartbeat = tmp_path / "heartbeat"
@@ -121,7 +121,7 @@ def test_a_router_whose_certificates_are_not_renewed_is_not_ready_and_says_why(
     monkeypatch.setenv(FOLDER_VARIABLE, str(tmp_path / "edge"))
     ready = heartbeat.with_name("heartbeat.ready")
     try:
-        with Bus(endpoint, deadline_s=8.0) as bus:
+        with Bus(endpoint, deadline_s=15.0) as bus:
             wait_for(ready.exists, "it to be ready")
             waiting = Waiting()
             with RouterWatch(bus, waiting, Counters(), period_s=0.1, say_after_s=0.5):
