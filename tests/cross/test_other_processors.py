@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from compiled import compiled, ran
 from networks import awkward_blob, awkward_observation
+from vectors import BLOBS, answers_of, records
 
 from bpn.export.c_source import c_source
 from bpn_shared.bnn import golden
@@ -34,7 +35,16 @@ TARGETS = {
 }
 
 
-def networks(count: int) -> list[tuple[WeightBlob, list[np.ndarray]]]:
+Case = tuple[WeightBlob, list[np.ndarray]]
+
+
+def published() -> list[Case]:
+    """The published vectors; that their answers are the golden model's, other tests hold."""
+    blobs = [(WeightBlob.decode(path.read_bytes()), answers_of(path)) for path in BLOBS]
+    return [(blob, [image for image, _ in records(blob, path)]) for blob, path in blobs]
+
+
+def networks(count: int) -> list[Case]:
     """Of the paper's shape and of others, at their limits."""
     rng = np.random.default_rng(7)
     other = {"image_px": 40, "convolutions": (Convolution(5, 2, 9), Convolution(3, 2, 20))}
@@ -52,7 +62,7 @@ def networks(count: int) -> list[tuple[WeightBlob, list[np.ndarray]]]:
 def test_the_exported_c_is_exact(target: str, tmp_path: Path) -> None:
     prefix, emulator = TARGETS[target]
     task = task_spec("reaching", TaskOptions())
-    for index, (blob, observations) in enumerate(networks(4)):
+    for index, (blob, observations) in enumerate(published()):
         folder = tmp_path / str(index)
         folder.mkdir()
         names = tuple(f"action {number}" for number in range(blob.spec.actions))
@@ -110,7 +120,7 @@ def test_the_edges_kernel_is_exact_on_aarch64_on_every_path(tmp_path: Path) -> N
         ],
         check=True,
     )
-    cases = networks(NETWORKS)
+    cases = published() + networks(NETWORKS)
     done = subprocess.run(
         ["qemu-aarch64", program], input=b"".join(encoded(*case) for case in cases),
         capture_output=True, check=True, timeout=600,
