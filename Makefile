@@ -204,12 +204,12 @@ $(INSTALLED): constraints.txt pyproject.toml $(PACKAGES:%=%/pyproject.toml) \
 	@echo 'bpn, 1 of 2: build tools (CMake, Ninja, Node) into $(VENV), 100 MB'
 	$(PIP_INSTALL) pip
 	$(PIP_INSTALL) --group build
-	@echo 'bpn, 2 of 2: torch, MuJoCo and the others, 550 MB where torch is for CPUs alone; then kernels and web UI are built'
+	@echo 'bpn, 2 of 2: torch, MuJoCo and the others, 420 MB where torch is for CPUs alone; then kernels and web UI are built'
 	$(PIP_LOUD) --no-build-isolation $(PACKAGES:%=-e %)
 	touch $@
 
 $(DEV): $(INSTALLED)
-	@echo 'bpn: what tests, benchmarks and figures need, 250 MB'
+	@echo 'bpn: what tests, benchmarks and figures need, 300 MB'
 	$(PIP_LOUD) --group dev --no-build-isolation $(PACKAGES:%=-e %) -e 'bpn[bench,data,media]' \
 	  -e 'services/robot_sim[gym]' -e 'services/learner[tensorboard]'
 	touch $@
