@@ -18,7 +18,7 @@ from bpn_shared.spec.algorithms import (
 )
 from bpn_shared.spec.gym import GymOptions
 from bpn_shared.spec.installed import preset_of, task_spec
-from bpn_shared.spec.network import IMAGE_SIZE_PX, NetworkSpec, parse_convolutions
+from bpn_shared.spec.network import NetworkSpec, parse_convolutions
 from bpn_shared.spec.renamed import called_now
 from bpn_shared.spec.sections import AlgorithmValues, ExecutionValues, TrainingValues
 from bpn_shared.spec.stopping import StopRule
