@@ -58,8 +58,8 @@ class Build:
 
     def why_not(self, spec: NetworkSpec) -> str | None:
         """Why a network does not run on this build; None: it does."""
-        if (spec.convolutions, spec.image_px) != (PAPER_CONVOLUTIONS, IMAGE_SIZE_PX):
-            return f"the core has the paper's convolutions, the network others: {spec}; kernel native runs it"
+        if spec.convolutions != PAPER_CONVOLUTIONS or spec.image_px != IMAGE_SIZE_PX:
+            return f"the core runs the paper's convolutions over {IMAGE_SIZE_PX} px, not {spec}"
         for name, size, most in (
             ("C", spec.channels, self.channels),
             ("N", spec.hidden_units, self.hidden_units),
