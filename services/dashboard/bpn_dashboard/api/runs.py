@@ -153,7 +153,11 @@ def config_schema(_who: Viewer) -> ConfigSchema:
         presets={name: preset | bare.get(name, {}) for name, preset in tasks.presets.items()},
         tasks=[TaskChoice.of(task) for task in sorted(tasks.specs, key=_steps_of_run)],
         families=[FamilyChoice.of(name, one) for name, one in sorted(tasks.families.items())],
-        family_options=[name for name in OPTIONS if name in TaskOptions.model_fields],
+        family_options=[
+            name
+            for name in OPTIONS
+            if name in TaskOptions.model_fields and name not in FOR_EVERY_TASK
+        ],
         algorithms=[AlgorithmChoice.of(algorithm) for algorithm in algorithms],
         defaults={name: _DEFAULTS[name] for name in OPTIONS if name in _DEFAULTS},
     )
