@@ -25,7 +25,7 @@ from bpn_shared.runs.creation import configure
 from bpn_shared.spec.algorithms import Algorithm, NetworkKind, offered_algorithms
 from bpn_shared.spec.config import OPTIONS, RunConfig
 from bpn_shared.spec.installed import offered
-from bpn_shared.spec.tasks import TaskFamily, TaskOptions, TaskSpec
+from bpn_shared.spec.tasks import FOR_EVERY_TASK, TaskFamily, TaskOptions, TaskSpec
 
 router = APIRouter(tags=["runs"])
 
