@@ -11,7 +11,7 @@ PACKAGES := shared services/edge services/learner services/robot services/robot_
 SOURCES := $(PACKAGES:%=%/bpn*)
 
 .DEFAULT_GOAL := help
-.PHONY: help up dev check test dist test-dist test-cross docs coverage images check-manifests mutants fuzz test-sanitized test-browser test-observability test-environments test-trackers test-containers test-chaos test-fresh-machine screenshots lint check-claims version format bench bench-sweep reproduce reproduce-quick doctor clean
+.PHONY: help up dev check test dist test-dist test-cross docs coverage images check-manifests mutants fuzz test-rtl test-sanitized test-browser test-observability test-environments test-trackers test-containers test-chaos test-fresh-machine screenshots lint check-claims version format bench bench-sweep reproduce reproduce-quick doctor clean
 
 help:            ## this list
 	@grep -hE '^[a-z-]+: .*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 20
@@ -109,6 +109,13 @@ test-chaos: $(DEV) ## every fault that containers may have in the middle of a ru
 
 test-fresh-machine: ## the README's two commands in a bare container, as root and as a normal user (half an hour; any Docker Engine)
 	deploy/fresh-machine.sh
+
+# The solver and the synthesis beside what `make` installs: PyPI has both, and they have nothing to do with the others' pins.
+test-rtl: $(DEV) ## the core's long suites: networks, swaps and gaps by the hundred, proofs, mutants of the RTL (an hour)
+	$(PIP_LOUD) --no-build-isolation -e 'bpn[fpga]' -e 'services/edge[rtl]' z3-solver
+	BPN_RTL_SCALE=25 $(BIN)/pytest tests/rtl
+	PATH="$(abspath $(BIN)):$$PATH" $(BIN)/python services/edge/rtl/formal/prove.py
+	$(BIN)/python -m tests.rtl.mutants --sample 300
 
 mutants: $(DEV) ## how many faults the tests notice, sampled and aimed ones (hours; goes on where it was; MUTANTS="--sample N --seed S")
 	$(BIN)/python -m tests.mutants $(MUTANTS)
@@ -208,5 +215,5 @@ $(INSTALLED): constraints.txt pyproject.toml $(PACKAGES:%=%/pyproject.toml) \
 $(DEV): $(INSTALLED)
 	@echo 'bpn: what tests, benchmarks and figures need, 250 MB'
 	$(PIP_LOUD) --group dev --no-build-isolation $(PACKAGES:%=-e %) -e 'bpn[bench,data,media]' \
-	  -e 'services/robot_sim[gym]' -e 'services/learner[tensorboard]'
+	  -e 'services/robot_sim[gym]' -e 'services/learner[tensorboard]' -e 'services/edge[rtl]'
 	touch $@

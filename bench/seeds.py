@@ -20,10 +20,8 @@ import numpy as np
 
 from bpn_edge import kernel as kernels
 from bpn_edge.policy import epsilon_greedy_action, softmax_action, softmax_weights
-from bpn_learner.calibrate import reestimate_batch_norm
-from bpn_learner.export import export
 from bpn_learner.initial import initial_policy
-from bpn_learner.networks import BinaryNetwork, PNetwork
+from bpn_learner.networks import PNetwork
 from bpn_learner.reward import function_of
 from bpn_learner.transitions import EpisodeData, Transitions
 from bpn_learner.update import UpdateConfig, policy_update
@@ -111,9 +109,8 @@ def reestimated(
     seen = Transitions.from_episodes(
         disturbed, frames_stacked=config.task_spec.frames_stacked, difference=config.difference
     )
-    if isinstance(again, BinaryNetwork):
-        reestimate_batch_norm(again, seen.gather(seen.observations))
-    return export(again)
+    again.finish_update(lambda: seen.gather(seen.observations))
+    return again.export()
 
 
 def iterations(
@@ -123,7 +120,7 @@ def iterations(
     network, optimizer = initial_policy(config)
     player = Player(config)
     data: deque[list[EpisodeData]] = deque(maxlen=config.replay_iterations)
-    player.load(export(network))
+    player.load(network.export())
     for i in range(config.iterations):
         start = time.process_time()
         player.entropies = []
@@ -147,7 +144,7 @@ def iterations(
             network, optimizer, D, UpdateConfig.of_iteration(config, i),
             shuffle_generator(config.seed, i),
         )  # fmt: skip
-        weights = export(network)
+        weights = network.export()
         player.load(weights)
         yield {
             "iteration": i,

@@ -69,6 +69,11 @@ COMMANDS = {
         "make a figure or table of the paper",
         ("bpn reproduce tracking --jobs 2", "bpn reproduce latency --quick"),
     ),
+    "fpga": Command(
+        "fpga",
+        "make and measure the policy as a circuit",
+        ("bpn fpga report", "bpn fpga build --target ulx3s-85f"),
+    ),
     "dashboard": Command(
         "dashboard", "care of the dashboard's database", ("bpn dashboard reindex",)
     ),

@@ -19,7 +19,6 @@ from bpn_dashboard.registry.progress import Record
 from bpn_dashboard.series.lines import parse_lines
 from bpn_edge.kernel.native import NativeKernel
 from bpn_edge.kernel.onnx_admission import admit
-from bpn_learner.export import export
 from bpn_learner.networks import make_network
 from bpn_shared.bnn.blob import WeightBlob
 from bpn_shared.bnn.envelope import BlobError
@@ -141,7 +140,7 @@ def _episode(outputs: type) -> bytes:
 
 def _float_policy() -> FloatWeights:
     generator = torch.Generator().manual_seed(0)
-    weights = export(make_network("float", SPEC, scale_initial=1.0, generator=generator))
+    weights = make_network("float", SPEC, scale_initial=1.0, generator=generator).export()
     assert isinstance(weights, FloatWeights)
     return weights
 

@@ -3,7 +3,7 @@ package bpn;
   // The build.
   localparam int BYTES = 4;
   localparam int MAX_CHANNELS = 16;
-  localparam int MAX_NODES = 256;
+  localparam int MAX_HIDDEN_UNITS = 256;
   localparam int MAX_ACTIONS = 64;
   // Geometry.
   localparam int IMAGE = 84;
@@ -23,6 +23,7 @@ package bpn;
   localparam int TAU_W = 19;
   localparam int GROUP_W = 5;
   localparam int ACTION_GROUP_W = 3;
+  localparam int KEPT_W = 4;
   localparam int WEIGHT_W = 10;
   localparam int ACC_W = 11;
   // Fields of what is kept of a network's sizes.

@@ -50,7 +50,7 @@ module bpn_core (
   logic memory_read, memory_ready;
   logic [31:0] memory_address, memory_data;
 
-  wire unused = &{1'b0, memory_address[26:13]};
+  wire unused = &{1'b0, memory_address[26:0]};  // how much of it a region needs depends on the build
 
   // Frames.
   logic start, newest, newest_bank, full, flying, oldest, oldest_bank, oldest_misaligned, finish;

@@ -52,6 +52,8 @@ module bpn_loader (
   wire sizes_fit = channels != '0 && channels <= 5'(bpn::MAX_CHANNELS) && s_tdata[6:5] == '0
       && actions >= 8'd2 && actions <= 8'(bpn::MAX_ACTIONS) && nodes != '0 && nodes <= 16'(bpn::MAX_NODES)
       && !selected[s_tdata[7]];
+  wire nodes_left = nodes[3:0] != 4'd0;  // beyond whole groups of sixteen
+  wire actions_left = actions[3:0] != 4'd0;
   wire [4:0] channels_less_1 = channels - 5'd1;
   wire [WEIGHT_W-1:0] groups = WEIGHT_W'(geometry[bpn::G_NODE_GROUPS+:bpn::GROUP_W]);
   wire [bpn::ACTION_GROUP_W-1:0] action_groups = geometry[bpn::G_ACTION_GROUPS+:bpn::ACTION_GROUP_W];
@@ -66,7 +68,7 @@ module bpn_loader (
   bpn_crc32 u_crc (
       .clk,
       .clear(state == IDENTITY),
-      .enable(taken),
+      .enable(taken && state != CRC),  // the bank keeps it
       .word(s_tdata),
       .crc
   );
@@ -98,8 +100,8 @@ module bpn_loader (
           bank <= s_tdata[7];
           geometry <= {
             bpn::BEAT_W'({channels_less_1, 2'b11} >> $clog2(bpn::BYTES)),
-            bpn::GROUP_W'(nodes >> 4) + bpn::GROUP_W'(nodes[3:0] != '0),
-            bpn::ACTION_GROUP_W'(actions >> 4) + bpn::ACTION_GROUP_W'(actions[3:0] != '0),
+            bpn::GROUP_W'(nodes >> 4) + bpn::GROUP_W'(nodes_left),
+            bpn::ACTION_GROUP_W'(actions >> 4) + bpn::ACTION_GROUP_W'(actions_left),
             nodes[10:0],
             actions[6:0],
             channels

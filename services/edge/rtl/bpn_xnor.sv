@@ -22,7 +22,7 @@ module bpn_xnor (
     output logic [16*bpn::ACC_W-1:0] sums
 );
   localparam int ACC_W = bpn::ACC_W;
-  localparam int KEPT_W = bpn::GROUP_W - 1;
+  localparam int KEPT_W = bpn::KEPT_W;
   localparam int C_W = bpn::GROUP_W + 5;
   localparam int STAGES = 5;  // step, memory, memory's register, popcounts, sums
   logic [STAGES-1:1] valid;

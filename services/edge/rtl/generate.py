@@ -1,17 +1,19 @@
-"""Writes what is made from registers.rdl: the driver's constants, docs/fpga-registers.md, and bpn.sv of the usual build.
+"""Writes what is made from registers.rdl: the driver's constants, docs/fpga-registers.md, and bpn.sv.
 
-Usage: python services/edge/rtl/generate.py [--check]; with --check it changes nothing and fails if one is not current.
+Usage: python services/edge/rtl/generate.py [--check]; the latter changes nothing, and fails if one is not current.
 """
 
 import importlib
+import subprocess
 import sys
 from pathlib import Path
+
+from systemrdl import RDLCompiler
+from systemrdl.node import AddrmapNode, FieldNode, RegNode
 
 from bpn_edge.fpga import registers as driver_constants
 from bpn_edge.fpga.build import Build
 from bpn_edge.fpga.package import render
-from systemrdl import RDLCompiler
-from systemrdl.node import AddrmapNode, FieldNode, RegNode
 
 HERE = Path(__file__).parent
 ROOT = HERE.parents[2]
@@ -30,7 +32,7 @@ def registers() -> list[RegNode]:
 
 def constants(hidden_units: list[RegNode]) -> str:
     """The driver's module."""
-    lines = [f'"""The core\'s registers: {NOTE}."""', ""]
+    lines = ["# ruff: noqa: E501", f'"""The core\'s registers: {NOTE}."""', ""]
     for node in hidden_units:
         lines.append(f"{node.inst_name} = 0x{node.raw_address_offset:03X}")
         lines += [f'"""{node.get_property("desc")}"""']
@@ -40,7 +42,11 @@ def constants(hidden_units: list[RegNode]) -> str:
             )
     offsets = ", ".join(f'"{node.inst_name}": {node.inst_name}' for node in hidden_units)
     lines += ["", f"OFFSETS = {{{offsets}}}", '"""Of every register, in bytes."""', ""]
-    return "\n".join(lines)
+    command = [sys.executable, "-m", "ruff", "format", "--stdin-filename", "registers.py", "-"]
+    done = subprocess.run(
+        command, input="\n".join(lines), capture_output=True, text=True, check=True
+    )
+    return done.stdout
 
 
 def table(hidden_units: list[RegNode]) -> str:
@@ -60,7 +66,8 @@ def table(hidden_units: list[RegNode]) -> str:
         )
         access = "/".join(sorted({_access(field) for field in node.fields()}))
         lines.append(
-            f"| 0x{node.raw_address_offset:03X} | `{node.inst_name}`{count} | {access} | {node.get_property('desc')}{fields} |"
+            f"| 0x{node.raw_address_offset:03X} | `{node.inst_name}`{count} | {access} | "
+            f"{node.get_property('desc')}{fields} |"
         )
     return "\n".join((*lines, ""))
 

@@ -14,7 +14,6 @@ from bpn_learner.callbacks.calling import Callbacks
 from bpn_learner.checkpoint import encode_checkpoint
 from bpn_learner.episodes import Scored, load_episodes
 from bpn_learner.evaluations import Evaluations
-from bpn_learner.export import export
 from bpn_learner.group import SINGLE_PROCESS, Group, GroupLostError
 from bpn_learner.handout import broadcast_state
 from bpn_learner.history import History
@@ -204,7 +203,7 @@ class Training:
             The policy, and the oldest attempt whose version of that number is the same; 0 if all are.
         """
         folder, attempt = self._owner.folder, self._owner.attempt
-        weights = export(self._network, run=folder.run, attempt=attempt, version=version)
+        weights = self._network.export(run=folder.run, attempt=attempt, version=version)
         before = self._history.weights_sha256(version)
         is_other = before is not None and before != weights.content_sha256()
         if is_other:

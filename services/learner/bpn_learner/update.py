@@ -11,11 +11,10 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from bpn_learner.calibrate import reestimate_batch_norm
 from bpn_learner.cvi import NO_FLOOR
 from bpn_learner.group import SINGLE_PROCESS, Group
 from bpn_learner.minibatch import minibatch_gradients
-from bpn_learner.networks import BinaryNetwork, PNetwork
+from bpn_learner.networks import PNetwork
 from bpn_learner.policy_metrics import agreement, entropy
 from bpn_learner.targets import TargetInputs, target_values
 from bpn_learner.transitions import Transitions, gather_observations
@@ -23,7 +22,6 @@ from bpn_shared.spec.config import RunConfig
 from bpn_shared.spec.sections import Backend
 
 EVALUATION_BATCH = 256
-SCALE_RATE_FACTOR = 3.0
 LOOKED_AT = 256
 """Transitions whose greedy action is compared before and after an update."""
 
@@ -147,13 +145,10 @@ class UpdateReport:
 
 
 def make_optimizer(network: PNetwork, learning_rate: float) -> torch.optim.Adam:
-    """Adam, with log lambda at three times the rate: one number has to follow the values' magnitude."""
-    groups: list[dict[str, object]] = [
-        {"params": [p for name, p in network.named_parameters() if name != "log_scale"]}
-    ]
-    if isinstance(network, BinaryNetwork):
-        groups.append({"params": [network.log_scale], "lr": learning_rate * SCALE_RATE_FACTOR})
-    optimizer = torch.optim.Adam(groups, lr=learning_rate, fused=True)
+    """Adam, as the network asks for it."""
+    optimizer = torch.optim.Adam(
+        network.parameter_groups(learning_rate), lr=learning_rate, fused=True
+    )
     for group in optimizer.param_groups:
         group["initial_lr"] = group["lr"]  # what `annealing` is a factor of
     return optimizer
@@ -202,9 +197,7 @@ def policy_update(
     network.eval()
     network.offset.fill_(offset)
 
-    if isinstance(network, BinaryNetwork):
-        observations = gather_observations(transitions.frames, transitions.observations)
-        reestimate_batch_norm(network, observations, EVALUATION_BATCH)
+    network.finish_update(lambda: gather_observations(transitions.frames, transitions.observations))
     return UpdateReport(
         loss_first=losses[0],
         loss_last=losses[-1],

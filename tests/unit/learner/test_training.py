@@ -8,7 +8,6 @@ import pytest
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 from training_runs import INTERRUPTED, RUN, Edge, Runs, shas, train
 
-from bpn_learner.export import export
 from bpn_learner.initial import initial_policy
 from bpn_learner.ledger import EpisodeLedger
 from bpn_learner.reward import episode_rewards
@@ -45,7 +44,7 @@ def test_every_version_is_what_its_configuration_and_its_newest_data_sets_make(r
             shuffle_generator(3, iteration),
         )  # fmt: skip
         found = runs.whole.weights(iteration + 1).content_sha256()
-        assert found == export(network).content_sha256(), f"version {iteration + 1}"
+        assert found == network.export().content_sha256(), f"version {iteration + 1}"
     assert len(set(shas(runs.whole))) == RUN.iterations
 
 

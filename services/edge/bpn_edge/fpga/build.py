@@ -2,7 +2,14 @@
 
 from dataclasses import dataclass
 
-from bpn_shared.spec.network import MAX_ACTIONS, MAX_CHANNELS, MAX_HIDDEN_UNITS, NetworkSpec
+from bpn_shared.spec.network import (
+    IMAGE_SIZE_PX,
+    MAX_ACTIONS,
+    MAX_CHANNELS,
+    MAX_HIDDEN_UNITS,
+    PAPER_CONVOLUTIONS,
+    NetworkSpec,
+)
 
 LANES = 16
 """Outputs, and inputs, of the XNOR engine in one clock."""
@@ -51,6 +58,8 @@ class Build:
 
     def why_not(self, spec: NetworkSpec) -> str | None:
         """Why a network does not run on this build; None: it does."""
+        if spec.convolutions != PAPER_CONVOLUTIONS or spec.image_px != IMAGE_SIZE_PX:
+            return f"the core runs the paper's convolutions over {IMAGE_SIZE_PX} px, not {spec}"
         for name, size, most in (
             ("C", spec.channels, self.channels),
             ("N", spec.hidden_units, self.hidden_units),

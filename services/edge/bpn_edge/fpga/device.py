@@ -70,6 +70,8 @@ class Device:
             for bit, reason in REFUSALS.items():
                 if events & bit:
                     raise BlobError(f"the core refused the weight set: {reason}")
+            if self._transport.read(registers.BANK_CRC + 4 * bank) != words[-1]:
+                raise BlobError("the core holds another weight set than it was sent")
             self._epochs[bank] = self._epoch
 
     def run(self, bank: int, spec: NetworkSpec, observation: Observation) -> Integers:

@@ -1,11 +1,10 @@
-"""A core whose registers are mapped into memory: on a Zynq, /dev/uio* by the device tree, or /dev/mem at an address."""
+"""A core whose registers are mapped: on a Zynq, /dev/uio* by the device tree, or /dev/mem at an address."""
 
 import ctypes
 import mmap
 import os
 import select
 import time
-from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
@@ -13,10 +12,7 @@ import numpy.typing as npt
 from bpn_edge.fpga import registers
 from bpn_shared.spec.config import ConfigError
 
-WHERE = "BPN_FPGA"
-"""Environment variable: a device such as /dev/uio0, or /dev/mem@0xA0000000; by default the UIO device that is called bpn."""
 _SIZE = 4096
-_UIO = Path("/sys/class/uio")
 
 
 class MappedCore:
@@ -45,32 +41,8 @@ class MappedCore:
         self._words = (ctypes.c_uint32 * (_SIZE // 4)).from_buffer(self._memory)
         self._interrupts = path.startswith("/dev/uio")
 
-    @classmethod
-    def found(cls) -> "MappedCore":
-        """The core that `BPN_FPGA` names, else the UIO device that is called bpn.
-
-        Raises:
-            ConfigError: there is none.
-        """
-        named = os.environ.get(WHERE)
-        if named is None:
-            for device in sorted(_UIO.glob("uio*")):
-                if (device / "name").read_text().strip() == "bpn":
-                    return cls(f"/dev/{device.name}")
-            raise ConfigError(
-                "kernel 'fpga' finds no core: no UIO device is called bpn (load the bitstream and the device-tree overlay, "
-                f"docs/fpga.md), and {WHERE} names none, such as /dev/uio0 or /dev/mem@0xA0000000"
-            )
-        path, _, address = named.partition("@")
-        try:
-            return cls(path, int(address or "0", 0))
-        except ValueError as error:
-            raise ConfigError(
-                f"{WHERE} = {named!r}: {address!r} is no address such as 0xA0000000"
-            ) from error
-
     def read(self, register: int) -> int:
-        """See `Transport.read`; a refusal is a bus error, which ends the process: the driver asks for nothing refused."""
+        """See `Transport.read`; a refusal is a bus error, which ends the process: the driver asks for none."""
         return int(self._words[register // 4])
 
     def write(self, register: int, value: int) -> None:

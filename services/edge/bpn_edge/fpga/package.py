@@ -57,6 +57,7 @@ def render(build: Build) -> str:
             "TAU_W": (conv1.max_output + 1).bit_length() + 1,
             "GROUP_W": group_w,
             "ACTION_GROUP_W": action_group_w,
+            "KEPT_W": max(1, (node_groups - 1).bit_length()),
             "WEIGHT_W": (engine_words(node_groups, action_groups) - 1).bit_length(),
             "ACC_W": most_matches.bit_length() + 1,
         },

@@ -1,11 +1,12 @@
 """What the core is fed with: weight sets as words, pictures as beats; and back from its memories.
 
-A set is one stream of 32-bit words, so that there is no address map on which generator and hardware could disagree:
+A set is one stream of 32-bit words: there is no address map on which generator and hardware could disagree:
 identity, sizes and bank, epoch, the words of conv1's memory, its thresholds, the words of the engine's memory, and
 the CRC-32 of all before (`services/edge/rtl/bpn_loader.sv`).
 """
 
 import zlib
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -21,7 +22,7 @@ from bpn_shared.spec.network import Layer, NetworkSpec
 Words = npt.NDArray[np.uint32]
 Bits = npt.NDArray[np.uint8]
 _NEVER = -785
-"""The bias of a unit that is none, below all that its sum can reach: it stays inactive, and its input's sign +1 adds nothing."""
+"""Bias of a unit that is none: it stays inactive, and what follows has +1 at it, so that they never agree."""
 
 
 def weight_set(build: Build, blob: WeightBlob, *, bank: int, epoch: int) -> Words:
@@ -34,7 +35,7 @@ def weight_set(build: Build, blob: WeightBlob, *, bank: int, epoch: int) -> Word
 
 
 def memories(build: Build, blob: WeightBlob) -> tuple[Words, Words, Words]:
-    """What the set's policy is in the core: conv1's weights, its thresholds, the engine's words; uint32[...] each."""
+    """What a policy is in the core: conv1's weights, its thresholds, the engine's words; uint32[...] each."""
     conv1, conv2, conv3, fc1, _ = blob.spec.layers
     thresholds = canonical_thresholds(conv1, blob.thresholds[0]).view(np.uint32)
     bits = [(signs > 0).astype(np.uint8) for signs in blob.weights]
@@ -78,7 +79,7 @@ def parameters(build: Build, spec: NetworkSpec, held: tuple[Words, Words, Words]
     )  # output, half, row, half, byte
     words = held[2].reshape(-1, 8)
     at = np.cumsum((0, 1, 8, 1, 9, node_groups, 49 * node_groups, action_groups * node_groups))
-    parts = [words[begin:end] for begin, end in zip(at[:-1], at[1:], strict=True)]
+    parts = [words[begin:end] for begin, end in pairwise(at)]
     bits = {
         "conv1": sides[..., : BLOCK_PX * spec.channels].reshape(conv1.weight_shape),
         "conv2": _unpacked(parts[1])

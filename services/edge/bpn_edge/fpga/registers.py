@@ -1,3 +1,4 @@
+# ruff: noqa: E501
 """The core's registers: from services/edge/rtl/registers.rdl by services/edge/rtl/generate.py; do not change by hand."""
 
 IDENTITY = 0x000

@@ -80,7 +80,8 @@ class SerialCore:
         answer = self._line.read(count, _ANSWER_S + more_s)
         if len(answer) < count:
             raise DeviceError(
-                f"the core at the line answers {len(answer)} of {count} bytes: is its bitstream loaded, of the same version?"
+                f"the core at the line answers {len(answer)} of {count} bytes: "
+                "is its bitstream loaded, of the same version?"
             )
         return answer
 

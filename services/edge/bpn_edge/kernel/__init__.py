@@ -30,7 +30,7 @@ def usable_kernels() -> tuple[str, ...]:
 
 
 def banks(name: str) -> tuple[Kernel, Kernel]:
-    """Two kernels of that name without weights: of a device that has two banks itself, its banks, else two of them.
+    """Two kernels of that name without weights: the banks of a device that has two itself, else two of them.
 
     Raises:
         PluginError, ConfigError: as `load`.

@@ -13,7 +13,7 @@ from bpn_shared.spec.network import NetworkSpec
 
 
 class DeviceBank:
-    """A `Kernel` that is one bank of a core; what runs is the bank that the core itself swaps in between two frames."""
+    """A `Kernel` that is one bank of a core, which swaps banks itself, between two frames."""
 
     def __init__(self, name: str, device: Device, bank: int = 0) -> None:
         self.name = name
@@ -83,12 +83,12 @@ def simulated() -> DeviceBank:
     return DeviceBank("rtl", Device(SimulatedCore(Build())))
 
 
-def mapped() -> DeviceBank:
-    """The kernel `fpga`: the core whose registers are mapped here.
+def connected() -> DeviceBank:
+    """The kernel `fpga`: the core that is at this machine, by mapped registers or at a serial line.
 
     Raises:
         ConfigError: there is no core, or another one.
     """
-    from bpn_edge.fpga.mapped import MappedCore  # noqa: PLC0415 - `rtl` needs no device
+    from bpn_edge.fpga.connected import connected_core  # noqa: PLC0415 - `rtl` needs no device
 
-    return DeviceBank("fpga", Device(MappedCore.found()))
+    return DeviceBank("fpga", Device(connected_core()))

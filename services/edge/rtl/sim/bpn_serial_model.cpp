@@ -46,8 +46,8 @@ struct Model {
       --receive_clocks;
     } else if (receive_bits > 0) {
       in = in >> 1 | unsigned{top->tx} << 9;
-      receive_clocks = kClocks - 1;
-      if (--receive_bits == 0 && (in & 1) == 0 && (in >> 9) == 1) received.push_back(in >> 1 & 255);
+      if (--receive_bits > 0) receive_clocks = kClocks - 1;
+      else if ((in & 1) == 0 && (in >> 9) == 1) received.push_back(in >> 1 & 255);
     } else if (!top->tx) {
       receive_bits = 10;
       receive_clocks = kClocks / 2;

@@ -1,0 +1,66 @@
+// The core as an IP block: plain Verilog around it, as Vivado's block designs want it.
+`timescale 1ns / 1ps
+module bpn_ip #(
+    parameter PIXEL_BITS = 32  // as the core was built
+) (
+    (* X_INTERFACE_PARAMETER = "ASSOCIATED_BUSIF S_AXI:S_AXIS_PIXELS:S_AXIS_WEIGHTS, ASSOCIATED_RESET aresetn" *)
+    input wire aclk,
+    input wire aresetn,
+    input wire [PIXEL_BITS-1:0] s_axis_pixels_tdata,
+    input wire s_axis_pixels_tvalid,
+    output wire s_axis_pixels_tready,
+    input wire s_axis_pixels_tlast,
+    input wire [31:0] s_axis_weights_tdata,
+    input wire s_axis_weights_tvalid,
+    output wire s_axis_weights_tready,
+    input wire s_axis_weights_tlast,
+    input wire [9:0] s_axi_awaddr,
+    input wire s_axi_awvalid,
+    output wire s_axi_awready,
+    input wire [31:0] s_axi_wdata,
+    input wire [3:0] s_axi_wstrb,
+    input wire s_axi_wvalid,
+    output wire s_axi_wready,
+    output wire [1:0] s_axi_bresp,
+    output wire s_axi_bvalid,
+    input wire s_axi_bready,
+    input wire [9:0] s_axi_araddr,
+    input wire s_axi_arvalid,
+    output wire s_axi_arready,
+    output wire [31:0] s_axi_rdata,
+    output wire [1:0] s_axi_rresp,
+    output wire s_axi_rvalid,
+    input wire s_axi_rready,
+    output wire irq
+);
+  bpn_core u_core (
+      .aclk(aclk),
+      .aresetn(aresetn),
+      .s_axis_pixels_tdata(s_axis_pixels_tdata),
+      .s_axis_pixels_tvalid(s_axis_pixels_tvalid),
+      .s_axis_pixels_tready(s_axis_pixels_tready),
+      .s_axis_pixels_tlast(s_axis_pixels_tlast),
+      .s_axis_weights_tdata(s_axis_weights_tdata),
+      .s_axis_weights_tvalid(s_axis_weights_tvalid),
+      .s_axis_weights_tready(s_axis_weights_tready),
+      .s_axis_weights_tlast(s_axis_weights_tlast),
+      .s_axi_awaddr(s_axi_awaddr),
+      .s_axi_awvalid(s_axi_awvalid),
+      .s_axi_awready(s_axi_awready),
+      .s_axi_wdata(s_axi_wdata),
+      .s_axi_wstrb(s_axi_wstrb),
+      .s_axi_wvalid(s_axi_wvalid),
+      .s_axi_wready(s_axi_wready),
+      .s_axi_bresp(s_axi_bresp),
+      .s_axi_bvalid(s_axi_bvalid),
+      .s_axi_bready(s_axi_bready),
+      .s_axi_araddr(s_axi_araddr),
+      .s_axi_arvalid(s_axi_arvalid),
+      .s_axi_arready(s_axi_arready),
+      .s_axi_rdata(s_axi_rdata),
+      .s_axi_rresp(s_axi_rresp),
+      .s_axi_rvalid(s_axi_rvalid),
+      .s_axi_rready(s_axi_rready),
+      .irq(irq)
+  );
+endmodule

@@ -1,0 +1,79 @@
+"""Weights that are replaced while frames run without a gap."""
+
+import numpy as np
+import pytest
+
+from bpn_edge.fpga import registers
+from bpn_edge.fpga.simulated import SimulatedCore
+from bpn_shared.bnn.blob import WeightBlob
+from bpn_shared.spec.network import NetworkSpec
+from tests.rtl.core_stream import VERIFIED, CoreStream
+
+SPEC = NetworkSpec(1, 20, 3)
+
+
+@pytest.mark.timeout(3600)
+def test_every_answer_belongs_wholly_to_one_policy(core: SimulatedCore, scale: int) -> None:
+    """Swapped at random clock offsets; 1,000 times in `make test-rtl`."""
+    rng = np.random.default_rng(scale)
+    images = [rng.integers(0, 256, SPEC.observation_shape, dtype=np.uint8) for _ in range(3)]
+    stream = CoreStream(core, images)
+    swaps = 40 * scale
+    for swap in range(swaps):
+        spec = (
+            SPEC if swap % 5 else NetworkSpec(1, int(rng.integers(1, 60)), int(rng.integers(2, 20)))
+        )
+        core.write(registers.EVENTS, VERIFIED)
+        stream.load(swap % 2, WeightBlob.random(spec, rng))
+        while not stream.verified():
+            stream.run(int(rng.integers(1, 400)))
+        core.write(registers.SELECT, 1 << swap % 2)
+        stream.run(int(rng.integers(1, 2500)))
+    stream.run(6000)
+    stream.check()
+    assert len(stream.blobs) == swaps
+    assert len(stream.answers) > swaps / 2
+
+
+def test_a_load_takes_no_clock_from_the_frames(core: SimulatedCore) -> None:
+    rng = np.random.default_rng(0)
+    spec = NetworkSpec(6, 100, 17)
+    stream = CoreStream(core, [rng.integers(0, 256, spec.observation_shape, dtype=np.uint8)])
+    stream.load(0, WeightBlob.random(spec, rng))
+    while not stream.verified():
+        stream.run(100)
+    core.write(registers.SELECT, 1)
+    stream.run(40_000)
+    begun = core.clocks
+    first = len(stream.answers)
+    core.write(registers.EVENTS, VERIFIED)
+    stream.load(1, WeightBlob.random(spec, rng))
+    while not stream.verified():
+        stream.run(100)
+    assert core.clocks - begun < 5_000  # 50 us at 100 MHz
+    stream.run(5 * 10_584)
+    frames = len(stream.answers) - first
+    assert (core.clocks - begun) / frames < 1.02 * 10_584 + 10_584 / frames
+    stream.check()
+
+
+def test_a_bank_that_a_frame_still_needs_is_not_overwritten(core: SimulatedCore) -> None:
+    """The set waits until the frame's result is out."""
+    rng = np.random.default_rng(1)
+    stream = CoreStream(core, [rng.integers(0, 256, SPEC.observation_shape, dtype=np.uint8)])
+    for bank in (0, 1):
+        core.write(registers.EVENTS, VERIFIED)
+        stream.load(bank, WeightBlob.random(SPEC, rng))
+        while not stream.verified():
+            core.run(50)
+    for turn in range(12):
+        bank = turn % 2
+        core.write(registers.SELECT, 1 << bank)
+        stream.run(1764 + 150 * turn)
+        core.write(registers.SELECT, 2 >> bank)
+        core.write(registers.EVENTS, VERIFIED)
+        stream.load(bank, WeightBlob.random(SPEC, rng))
+        while not stream.verified():
+            stream.run(20)
+    stream.run(6000)
+    stream.check()
