@@ -25,7 +25,7 @@ from bpn_shared.runs.creation import configure
 from bpn_shared.spec.algorithms import Algorithm, NetworkKind, offered_algorithms
 from bpn_shared.spec.config import OPTIONS, RunConfig
 from bpn_shared.spec.installed import offered
-from bpn_shared.spec.tasks import TaskFamily, TaskOptions, TaskSpec
+from bpn_shared.spec.tasks import FOR_EVERY_TASK, TaskFamily, TaskOptions, TaskSpec
 
 router = APIRouter(tags=["runs"])
 
@@ -164,7 +164,11 @@ def config_schema(_who: Viewer) -> ConfigSchema:
         presets={name: preset | bare.get(name, {}) for name, preset in tasks.presets.items()},
         tasks=[TaskChoice.of(task) for task in sorted(tasks.specs, key=_steps_of_run)],
         families=[FamilyChoice.of(name, one) for name, one in sorted(tasks.families.items())],
-        family_options=[name for name in OPTIONS if name in TaskOptions.model_fields],
+        family_options=[
+            name
+            for name in OPTIONS
+            if name in TaskOptions.model_fields and name not in FOR_EVERY_TASK
+        ],
         algorithms=[AlgorithmChoice.of(algorithm) for algorithm in algorithms],
         defaults={name: _DEFAULTS[name] for name in OPTIONS if name in _DEFAULTS},
     )

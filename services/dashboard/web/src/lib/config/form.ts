@@ -34,15 +34,25 @@ const SECTIONS: { title: string; open: boolean; keys: string[] }[] = [
   {
     title: 'Data of an iteration',
     open: false,
-    keys: ['episodes', 'steps', 'replay_iterations', 'reward_scale'],
+    keys: [
+      'episodes',
+      'steps',
+      'replay_iterations',
+      'replay_transitions',
+      'reward_scale',
+      'disturb',
+    ],
   },
   {
     title: 'Policy update',
     open: false,
     keys: [
       'epochs',
+      'max_updates',
       'batch_size',
       'gamma',
+      'n_step',
+      'gap_floor',
       'bootstrap_terminals',
       'learning_rate',
       'lr_update_final_factor',
