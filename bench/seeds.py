@@ -7,10 +7,12 @@ already is not computed again. One thread a run:
 """
 
 import argparse
+import copy
 import json
 import time
 from collections import deque
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -18,15 +20,18 @@ import numpy as np
 
 from bpn_edge import kernel as kernels
 from bpn_edge.policy import epsilon_greedy_action, softmax_action, softmax_weights
-from bpn_learner.export import export
 from bpn_learner.initial import initial_policy
+from bpn_learner.networks import PNetwork
 from bpn_learner.reward import function_of
 from bpn_learner.transitions import EpisodeData, Transitions
 from bpn_learner.update import UpdateConfig, policy_update
 from bpn_robot.robot import Robot
 from bpn_robot.robots import make_robot
 from bpn_shared.bnn.weights import Weights
+from bpn_shared.camera.disturbed import EpisodeCamera
+from bpn_shared.spec.algorithms import KERNELS
 from bpn_shared.spec.config import RunConfig
+from bpn_shared.spec.disturbances import parse
 from bpn_shared.spec.observation import stack
 from bpn_shared.spec.seeds import action_uniforms, episode_seed, shuffle_generator
 
@@ -40,7 +45,7 @@ class Player:
     def __init__(self, config: RunConfig) -> None:
         self.config, self.task = config, config.task_spec
         self.robot: Robot = make_robot(self.task)
-        self.kernel = kernels.load(config.kernel)
+        self.kernel = kernels.load(KERNELS[config.algorithm_spec.network][0])
         self.entropies: list[float] = []
 
     def load(self, weights: Weights) -> None:
@@ -78,12 +83,45 @@ class Player:
         return EpisodeData(pixels, np.array(actions, np.uint8), rewards, robot.terminated)
 
 
-def iterations(config: RunConfig, trials: int) -> Iterator[dict[str, Any]]:
-    """What each iteration came to."""
+def kept(config: RunConfig, weights: Weights, levels: str, trials: int) -> dict[str, Any]:
+    """Greedy trials under disturbances: how many were not lost, and their mean return."""
+    player = Player(config.disturbed(levels))
+    player.load(weights)
+    played = [player.play(GREEDY_SEED + k, 0.0, greedy=True) for k in range(trials)]
+    player.robot.close()
+    return {
+        "disturb": levels,
+        "kept": sum(len(e.actions) == config.steps for e in played),
+        "trials": trials,
+        "return": float(np.mean([e.rewards.sum() for e in played])),
+    }
+
+
+def reestimated(
+    network: PNetwork, D: Sequence[EpisodeData], config: RunConfig, levels: str
+) -> Weights:
+    """The network with batch norm estimated anew over D, half of it disturbed; nothing is trained."""
+    again = copy.deepcopy(network)
+    cameras = [EpisodeCamera(parse(levels) if k % 2 else {}, k) for k in range(len(D))]
+    disturbed = [
+        replace(e, frames=np.stack([camera.picture(f, t) for t, f in enumerate(e.frames)]))
+        for e, camera in zip(D, cameras, strict=True)
+    ]
+    seen = Transitions.from_episodes(
+        disturbed, frames_stacked=config.task_spec.frames_stacked, difference=config.difference
+    )
+    again.finish_update(lambda: seen.gather(seen.observations))
+    return again.export()
+
+
+def iterations(
+    config: RunConfig, trials: int, levels: Sequence[str], adapt: str, last_trials: int
+) -> Iterator[dict[str, Any]]:
+    """What each iteration came to, and at the end what the policy does under disturbances."""
     network, optimizer = initial_policy(config)
     player = Player(config)
     data: deque[list[EpisodeData]] = deque(maxlen=config.replay_iterations)
-    player.load(export(network))
+    player.load(network.export())
     for i in range(config.iterations):
         start = time.process_time()
         player.entropies = []
@@ -107,7 +145,7 @@ def iterations(config: RunConfig, trials: int) -> Iterator[dict[str, Any]]:
             network, optimizer, D, UpdateConfig.of_iteration(config, i),
             shuffle_generator(config.seed, i),
         )  # fmt: skip
-        weights = export(network)
+        weights = network.export()
         player.load(weights)
         yield {
             "iteration": i,
@@ -125,6 +163,12 @@ def iterations(config: RunConfig, trials: int) -> Iterator[dict[str, Any]]:
             "sha256": weights.content_sha256()[:16],
             "cpu_s": round(time.process_time() - start, 2),
         }
+    for of_camera in levels:
+        yield {"trained": True} | kept(config, weights, of_camera, last_trials)
+    if adapt:
+        adapted = reestimated(network, [e for held in data for e in held], config, adapt)
+        for of_camera in levels:
+            yield {"adapted": True} | kept(config, adapted, of_camera, last_trials)
 
 
 def value(text: str) -> Any:
@@ -141,6 +185,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--seeds", default="0")
     parser.add_argument("--set", nargs="*", default=[], metavar="NAME=VALUE")
     parser.add_argument("--trials", type=int, default=1, help="greedy ones, every iteration")
+    parser.add_argument(
+        "--levels", nargs="*", default=[], help="disturbances to play under at the end"
+    )
+    parser.add_argument("--adapt", default="", help="disturbances to re-estimate batch norm under")
+    parser.add_argument("--last-trials", type=int, default=20)
     parser.add_argument("--name", default="", help="of the setting; default: what is set")
     parser.add_argument("--out", type=Path, default=Path("build/seeds"))
     given = parser.parse_args(arguments)
@@ -156,11 +205,14 @@ def main(arguments: Sequence[str] | None = None) -> None:
         )
         part = path.with_suffix(".part")
         with part.open("w") as lines:
-            for record in iterations(config, given.trials):
+            for record in iterations(
+                config, given.trials, given.levels, given.adapt, given.last_trials
+            ):
                 lines.write(json.dumps(record) + "\n")
                 lines.flush()
         part.rename(path)
-        returns = [json.loads(line)["return"] for line in path.read_text().splitlines()]
+        lines_of = [json.loads(line) for line in path.read_text().splitlines()]
+        returns = [line["return"] for line in lines_of if "iteration" in line]
         print(
             f"{path.stem}: last ten {np.mean(returns[-10:]):.1f}, best {max(returns):.1f}",
             flush=True,

@@ -1,5 +1,6 @@
 """A task, a kernel and a callback of other packages, in the start dialog as ours are."""
 
+import re
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager
 from typing import Any
@@ -23,7 +24,8 @@ def dashboard(
 
 
 def fill(dialog: Locator, section: str, **values: str) -> None:
-    group = dialog.locator("details", has=dialog.page.locator("summary", has_text=section))
+    title = re.compile(rf"^\s*{re.escape(section)}\b")
+    group = dialog.locator("details", has=dialog.page.locator("summary", has_text=title))
     if group.get_attribute("open") is None:
         group.locator("summary").click()
     for name, value in values.items():

@@ -53,7 +53,7 @@ WRONG: list[tuple[str, Values, str]] = [
     ("reaching", {"pacing": "slow"}, "Input should be 'lockstep' or 'realtime'"),
     ("reaching", {"kernel": "onnx"}, "kernel = 'onnx' does not run the network of 'bpn'"),
     ("reaching", {"actions": 3}, "actions = 3: task 'reaching' has 14; leave it out"),
-    ("reaching", {"algorithm": "dpp", "alpha": 0.5}, "alpha = 0.5: dpp is CVI with alpha = 1"),
+    ("reaching", {"algorithm": "dpp", "alpha": 0.5}, "alpha = 0.5: algorithm 'dpp' has alpha = 1"),
     ("gym:Pendulum-v1", {}, "only discrete ones can be learned"),
     ("gym:CartPole-v1", {"env_kwargs": "{"}, "no JSON"),
     ("gym:CartPole-v1", {"env_kwargs": '{"length": 3}'}, "unexpected keyword argument 'length'"),

@@ -110,7 +110,11 @@ def _aimed(
         return known[key]
     if options.tried:
         return {"what": fault.name, "verdict": "untried", "by": ""}
-    by = noticed_by(fault, copy)
+    try:
+        by = noticed_by(fault, copy)
+    except SuiteFailsError as error:
+        print(error, flush=True)
+        return {"what": fault.name, "verdict": "untried", "by": ""}
     verdict = "noticed" if by else "missed"
     return _keep({"key": key, "what": fault.name, "verdict": verdict, "by": by})
 

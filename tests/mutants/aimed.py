@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from tests.mutants.modules import modules
+from tests.mutants.sampled import SuiteFailsError
 from tests.mutants.tree import ROOT, Tree
 
 FILE = Path(__file__).with_name("aimed.toml")
@@ -69,15 +70,23 @@ def noticed_by(fault: Fault, tree: Tree) -> str:
             if done.outcome in ("deadline", "timeout"):  # which a busy machine does, too
                 done = tree.pytest(fault.tests, TIMEOUT_S)
             return "" if done.outcome == "passed" else done.by or done.outcome
-        runs = tree.path / "runs" / re.sub(r"\W+", "-", fault.name)
-        train = ["-m", "bpn", "train", *fault.run.split(), "--json", "--runs-dir", str(runs)]
-        status, said = tree.python(train, TIMEOUT_S)
+        runs, status, said = _run(fault.name, fault.run, tree)
     if status is None:
         return ""
     if status != 0:
+        _, as_it_is, why = _run(f"{fault.name} not", fault.run, tree)
+        if as_it_is != 0:
+            raise SuiteFailsError(f"{fault.name}: its run fails without it, too: {why[-500:]}")
         return f"the run itself: {said.strip().splitlines()[-1:]}"
     difference = differences(runs).get(fault.named)
     return f"bpn verify, {fault.named}: {difference}" if difference else ""
+
+
+def _run(name: str, options: str, tree: Tree) -> tuple[Path, int | None, str]:
+    """A run of the tree's code as it is now: its folder, exit status (None: it did not end), what it printed."""
+    runs = tree.path / "runs" / re.sub(r"\W+", "-", name)
+    train = ["-m", "bpn", "train", *options.split(), "--json", "--runs-dir", str(runs)]
+    return runs, *tree.python(train, TIMEOUT_S)
 
 
 def differences(runs: Path) -> dict[str, str]:

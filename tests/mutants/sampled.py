@@ -26,7 +26,7 @@ Verdict = Literal["killed", "hung", "survived"]
 
 
 class SuiteFailsError(RuntimeError):
-    """A module's tests fail though nothing was changed: they would tell nothing."""
+    """A module's tests, or a run, fail though nothing was changed: they would tell nothing."""
 
 
 def equivalent() -> dict[tuple[str, str, str], str]:

@@ -18,7 +18,6 @@ from onnx import ModelProto, TensorProto, helper, numpy_helper
 from bpn_edge.kernel.onnx import OnnxKernel
 from bpn_edge.kernel.onnx_admission import admit
 from bpn_edge.memory import WeightMemory
-from bpn_learner.export import export
 from bpn_learner.networks import make_network
 from bpn_shared.bnn.envelope import BlobError
 from bpn_shared.bnn.float_weights import FloatWeights
@@ -34,7 +33,7 @@ def exported(spec: NetworkSpec = SPEC, seed: int = 0) -> FloatWeights:
     network = make_network(
         "float", spec, scale_initial=1.0, generator=torch.Generator().manual_seed(seed)
     )
-    weights = export(network)
+    weights = network.export()
     assert isinstance(weights, FloatWeights)
     return weights
 

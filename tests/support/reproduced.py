@@ -109,6 +109,22 @@ RESULTS["cartpole"] = (
         ]
     },
 )  # fmt: skip
+RESULTS["robustness"] = (
+    [record(algorithm, 256, seed) for seed in range(SEEDS) for algorithm in ("bpn", "cvi")],
+    {
+        "trained_for": "noise=0..30",
+        "trials": [
+            {
+                "algorithm": algorithm, "seed": seed, "disturbed": disturbed, "level": level, "trials": 4,
+                "kept": 3 if disturbed else 0, "return_px": -800.0,
+            }
+            for seed in range(SEEDS)
+            for algorithm in ("bpn", "cvi")
+            for disturbed in (False, True)
+            for level in ("", "noise=25")
+        ],
+    },
+)  # fmt: skip
 
 
 def made(name: str, *, quick: bool = False) -> dict[str, Any]:

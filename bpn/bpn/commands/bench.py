@@ -25,6 +25,14 @@ def add_options(parser: argparse.ArgumentParser, _arguments: Sequence[str]) -> N
         metavar="PACE",
         help="of loop: hot (default), frame after frame, or own, a frame in each of the robot's control periods",
     )
+    parser.add_argument(
+        "--conv",
+        metavar="LIST",
+        help="of kernel: other convolutions, KERNELxSTRIDExCHANNELS of each, such as 8x4x32,4x2x64,3x1x64",
+    )
+    parser.add_argument(
+        "--image-px", metavar="PX", type=int, help="of kernel: images of another size, 8 to 128"
+    )
     parser.set_defaults(run=run)
 
 
@@ -39,6 +47,12 @@ def run(options: argparse.Namespace) -> int:
         if options.what != "loop":
             raise InputError(f"--pace is of `bpn bench loop`, not {options.what}")
         given["pace"] = options.pace
+    for name in ("conv", "image_px"):
+        if getattr(options, name) is not None:
+            if options.what != "kernel":
+                option = f"--{name.replace('_', '-')}"
+                raise InputError(f"{option} is of `bpn bench kernel`, not {options.what}")
+            given[name] = getattr(options, name)
     benchmark = importlib.import_module(f"bpn.bench.{options.what}")
     result = benchmark.run(**given)
     if options.json:

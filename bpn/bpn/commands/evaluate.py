@@ -52,6 +52,12 @@ def add_options(parser: argparse.ArgumentParser, _arguments: Sequence[str]) -> N
         metavar="MS",
         help="time added between a frame and its action's effect; needs --pacing realtime",
     )
+    parser.add_argument(
+        "--disturb",
+        metavar="KIND=LEVEL,...",
+        help="disturbances of camera and servos in place of the run's, such as noise=25,offset=-30..30; '' for "
+        "none (docs/disturbances.md)",
+    )
     parser.add_argument("--kernel", help="an installed one, such as golden (default: the run's)")
     parser.add_argument("--robots", type=int, default=1, help="trials played side by side")
     parser.add_argument("--video", type=Path, metavar="FILE", help="film, " + " or ".join(_FILMS))
@@ -79,6 +85,7 @@ def run(options: argparse.Namespace) -> int:
             seed=options.seed,
             pacing=options.pacing,
             action_delay_ms=options.action_delay_ms,
+            disturb=options.disturb,
             kernel=options.kernel,
             robots=options.robots,
             gym_modules=[options.gym_modules],

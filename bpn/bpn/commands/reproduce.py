@@ -19,7 +19,16 @@ from bpn_shared.runtime.service import stop_on_signals
 from bpn_shared.spec.algorithms import algorithm_names
 
 _RESULTS = Path("docs/results")
-NAMES = ("reaching", "tracking", "heatmap", "pan-tilt", "inference", "latency", "cartpole")
+NAMES = (
+    "reaching",
+    "tracking",
+    "heatmap",
+    "pan-tilt",
+    "inference",
+    "latency",
+    "cartpole",
+    "robustness",
+)
 
 
 def add_options(parser: argparse.ArgumentParser, _arguments: Sequence[str]) -> None:

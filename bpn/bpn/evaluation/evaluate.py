@@ -38,6 +38,7 @@ def evaluate(
     seed: int | None = None,
     pacing: Pacing = "lockstep",
     action_delay_ms: float = 0.0,
+    disturb: str | None = None,
     kernel: str | None = None,
     robots: int = 1,
     gym_modules: Collection[str] = (),
@@ -53,6 +54,7 @@ def evaluate(
         version: of the weights; "best" is the one of the evaluations during training, None the newest.
         seed: of starts and draws; None: the run's.
         action_delay_ms: time added between a frame and its action's effect; needs realtime pacing.
+        disturb: disturbances of camera and servos, such as "noise=25,offset=-30..30"; "": none; None: the run's.
         kernel: an installed one, such as "golden"; None: the run's.
         robots: how many trials are played side by side.
         gym_modules: what may be imported for a `gym:` task.
@@ -70,6 +72,7 @@ def evaluate(
     changes = {
         "pacing": pacing,
         "action_delay_ms": action_delay_ms,
+        "disturb": run.config.disturb if disturb is None else disturb,
         "robots": robots,
         "kernel": kernel or run.config.kernel,
     }
@@ -93,6 +96,7 @@ def evaluate(
         "seed": played.seed,
         "pacing": config.pacing,
         "action_delay_ms": config.action_delay_ms,
+        "disturb": config.disturb,
         **summarize(config, outcomes, distinct=distinct_trials(episodes)),
     }
     return Evaluation(result, episodes)

@@ -18,9 +18,10 @@ from bpn_shared.bnn.weights import Weights
 from bpn_shared.bus.session import Bus, BusError, prepare_process
 from bpn_shared.bus.telemetry import TelemetryWatch
 from bpn_shared.counters import Counters
+from bpn_shared.errors import InputError
 from bpn_shared.messages.episode import Episode
 from bpn_shared.runs.folder import RunFolder
-from bpn_shared.spec.config import RunConfig
+from bpn_shared.spec.config import ConfigError, RunConfig
 
 PlayedPolicy = Literal["greedy", "softmax", "random"]
 OnProgress = Callable[[int], None]
@@ -40,7 +41,7 @@ class TrialPlan:
         policy: greedy takes the best action, softmax draws as CVI's training does (Eq. 9), random ignores
             the network.
         seed: of the trials' starts and draws; trials with one seed are comparable across runs.
-        changes: of the run's configuration, such as its pacing.
+        changes: of the run's configuration, such as its pacing, or disturbances in place of its own.
     """
 
     count: int
@@ -54,7 +55,12 @@ class TrialPlan:
         Raises:
             ConfigError: a change is outside its range.
         """
-        values = trained.model_dump() | self.changes | {"seed": self.seed}
+        disturb = self.changes.get("disturb", trained.disturb)
+        try:
+            task = trained.task_spec.disturbed(disturb)
+        except InputError as error:
+            raise ConfigError(f"disturb = {disturb!r}: {error}") from error
+        values = trained.model_dump() | self.changes | {"seed": self.seed, "task_spec": task}
         return RunConfig.parse(values)
 
 

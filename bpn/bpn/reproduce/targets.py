@@ -7,8 +7,9 @@ from bpn.reproduce.inference import INFERENCE
 from bpn.reproduce.latency import LATENCY
 from bpn.reproduce.learning import REACHING, TRACKING
 from bpn.reproduce.pan_tilt import PAN_TILT
+from bpn.reproduce.robustness import ROBUSTNESS
 
 TARGETS: dict[str, Target] = {
     target.name: target
-    for target in (REACHING, TRACKING, HEATMAP, PAN_TILT, INFERENCE, LATENCY, CARTPOLE)
+    for target in (REACHING, TRACKING, HEATMAP, PAN_TILT, INFERENCE, LATENCY, CARTPOLE, ROBUSTNESS)
 }

@@ -87,7 +87,7 @@ def _fits(update: Update, slip: _Slip) -> bool:
         trainee,
         data,
         (slip.backend or backend_of(slip.config))(trainee, data),
-        factors=learning_rate_factors(slip.config, update.iteration),
+        factors=learning_rate_factors(slip.config, update.iteration, len(data.y)),
         batch_size=slip.config.batch_size,
         shuffles=slip.shuffles or draws.shuffles(slip.config.seed, update.iteration),
     )

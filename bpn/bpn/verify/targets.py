@@ -18,7 +18,7 @@ class Played:
     """An episode as data.
 
     Attributes:
-        seen: s_0..s_T, uint8[T+1, C, 84, 84].
+        seen: s_0..s_T, uint8[T+1, C, h, w].
         actions: int64[T].
         rewards: float64[T], unscaled.
         terminal: the last observation is the task's end, not a time limit.
@@ -37,7 +37,7 @@ class Targets:
     """What one update fits.
 
     Attributes:
-        seen: s of every transition of D in order, uint8[n, 84, 84, C].
+        seen: s of every transition of D in order, uint8[n, h, w, C].
         actions: int64[n].
         y: float32[n].
         offset: c, what all preferences lack that are fitted to y (relative targets).
@@ -70,16 +70,56 @@ def targets(config: RunConfig, D: Sequence[Played], policy: Policy, offset: floa
     following = mellowmax(P_next, config.beta) if is_cvi else P_next.amax(dim=1)
     if not config.bootstrap_terminals:
         following = torch.where(ends, torch.tensor(-offset, dtype=torch.float32), following)
-    y = reward + config.gamma * following
+    gap = P[torch.arange(len(P)), actions] - mellowmax(P, config.beta)
+    increased = config.alpha * (gap.clamp_min(-config.gap_floor) if config.gap_floor else gap)
+    if config.n_step == 1:
+        y = reward + config.gamma * following
+    else:
+        value = offset
+        if config.relative_targets and config.bootstrap_terminals:
+            value = float(reward.mean()) / (1 - config.gamma)
+        lengths = [len(episode.actions) for episode in D]
+        later = reward - (gap - increased) if is_cvi else reward
+        y = _over_steps(config, reward, later, following, lengths=lengths, value=value)
     if is_cvi:
-        taken = P[torch.arange(len(P)), actions]
-        y = y + config.alpha * (taken - mellowmax(P, config.beta))
+        y = y + increased
     next_offset = 0.0
     if config.relative_targets:
         next_offset = config.gamma * offset + float(y.mean())
         y = y - y.mean()
     seen = torch.cat([episode.seen[:-1] for episode in D]).permute(0, 2, 3, 1).contiguous()
     return Targets(seen, actions, y, next_offset, float(P.abs().max()))
+
+
+def _over_steps(
+    config: RunConfig,
+    first: Tensor,
+    later: Tensor,
+    following: Tensor,
+    *,
+    lengths: Sequence[int],
+    value: float,
+) -> Tensor:
+    """Of every step the next n of its episode summed up, or those that are left, and what follows the last.
+
+    Args:
+        first: what a step's sum begins with, float32[n].
+        later: what a step is worth in sums that began before, float32[n].
+        following: what follows each step, less `value`, float32[n].
+        lengths: of the episodes.
+    """
+    sums, begin = [], 0
+    for length in lengths:
+        for t in range(begin, begin + length):
+            end = min(t + config.n_step, begin + length)
+            total = first[t].double()
+            for k in range(1, end - t):
+                total = total + config.gamma**k * later[t + k].double()
+            discount = config.gamma ** (end - t)
+            total = total + discount * following[end - 1].double()
+            sums.append(total + (discount - config.gamma) * value)
+        begin += length
+    return torch.stack(sums).float()
 
 
 def mellowmax(P: Tensor, beta: float) -> Tensor:

@@ -17,15 +17,34 @@ Gradients = Callable[[Tensor], float]
 """Sets every parameter's `grad` from the transitions int64[B] of a minibatch, and returns their loss."""
 
 
-def learning_rate_factors(config: RunConfig, iteration: int) -> list[float]:
-    """Of the learning rate, for every epoch: a line over the run, a cosine over each update."""
+def learning_rate_factors(config: RunConfig, iteration: int, size: int) -> list[list[float]]:
+    """Of the learning rate, for every step of every epoch: a line over the run, a cosine over each update.
+
+    The cosine falls from epoch to epoch, or from step to step where `max_updates` may end an epoch.
+
+    Args:
+        size: of D.
+    """
     line = 1 + iteration / max(1, config.iterations - 1) * (config.lr_run_final_factor - 1)
-    final, last = config.lr_update_final_factor, max(1, config.epochs - 1)
-    cosines = [
-        final + (1 - final) * (1 + math.cos(math.pi * (epoch / last))) / 2
-        for epoch in range(config.epochs)
+    final, of_epoch = config.lr_update_final_factor, minibatches(size, config.batch_size)
+    count = updates(config, size)
+    parts = count if config.max_updates else config.epochs
+
+    def factor(step: int) -> float:
+        done = step if config.max_updates else step // of_epoch
+        cosine = (1 + math.cos(math.pi * (done / max(1, parts - 1)))) / 2
+        return line * (final + (1 - final) * cosine)
+
+    return [
+        [factor(step) for step in range(begin, min(begin + of_epoch, count))]
+        for begin in range(0, count, of_epoch)
     ]
-    return [line * cosine for cosine in cosines]
+
+
+def updates(config: RunConfig, size: int) -> int:
+    """Optimizer steps of an update over D of that size."""
+    whole = config.epochs * minibatches(size, config.batch_size)
+    return min(whole, config.max_updates) if config.max_updates else whole
 
 
 def minibatches(size: int, batch: int) -> int:
@@ -59,7 +78,7 @@ def compiled(trainee: Trainee, data: Targets) -> Gradients:
         parameter.grad = slope
     # the kernel reads parameters and writes gradients in place
     values, written = ([v.detach().numpy() for v in of] for of in (trainee.parameters, slopes))
-    seen, taken, y = data.seen.numpy(), data.actions.numpy(), data.y.numpy()
+    seen, taken, y = data.seen.numpy(), data.actions[:, None].numpy(), data.y.numpy()
     if not trainee.binary:
         of_floats = _native.FloatKernel(path, layers)
         return lambda rows: of_floats.gradients(
@@ -95,7 +114,7 @@ def train(
     data: Targets,
     gradients: Gradients,
     *,
-    factors: list[float],
+    factors: list[list[float]],
     batch_size: int,
     shuffles: np.random.Generator,
     on_epoch: Callable[[], None] = lambda: None,
@@ -104,19 +123,18 @@ def train(
     """The epochs of one update.
 
     Args:
-        factors: of the learning rate, one for each epoch.
+        factors: of the learning rate, for each step of each epoch.
         turned: by how many places every minibatch is turned: the same sums in another order, rounded otherwise.
 
     Returns:
         The mean loss of every epoch.
     """
     losses = []
-    for factor in factors:
-        order = torch.from_numpy(shuffles.permutation(len(data.y)))
-        count, total = minibatches(len(data.y), batch_size), torch.zeros(())
-        for k in range(count):
+    for of_epoch in factors:
+        order, total = torch.from_numpy(shuffles.permutation(len(data.y))), torch.zeros(())
+        for k, factor in enumerate(of_epoch):
             total += gradients(order[batch_size * k : batch_size * (k + 1)].roll(turned))
             trainee.step(factor)
-        losses.append(float(total) / count)
+        losses.append(float(total) / len(of_epoch))
         on_epoch()
     return losses

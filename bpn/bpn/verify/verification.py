@@ -11,7 +11,7 @@ from bpn.verify.findings import Findings
 from bpn.verify.play import Policy, unpacked
 from bpn.verify.targets import COMPUTED, Played, Targets
 from bpn.verify.trainee import Trainee, released
-from bpn.verify.training import gap, learning_rate_factors, minibatches, train
+from bpn.verify.training import gap, learning_rate_factors, train, updates
 from bpn.verify.update import Update
 from bpn.verify.weights import described, digest, distance, same_bits
 from bpn_shared.bnn.envelope import BlobError
@@ -85,7 +85,7 @@ class Verification:
                 return self.findings
             records.check_metrics(self.config, record, data, self.findings)
             records.check_rewards(iteration, told.get(iteration), data, self.findings)
-            self._D = [*self._D, data][-self.config.replay_iterations :]
+            self._D = _newest([*self._D, data], self.config)
             self._steps.append(sum(len(episode.actions) for episode in data))
             D = [episode for dataset in self._D for episode in dataset]
             update = Update(self.config, iteration, record, D, policy, following, offset)
@@ -166,8 +166,8 @@ class Verification:
     def _check_steps(self, update: Update) -> None:
         config, found = self.config, update.record["updates"]
         size = sum(len(episode.actions) for episode in update.D)
-        steps = config.epochs * minibatches(size, config.batch_size)
-        of_all = config.epochs * minibatches(sum(self._steps), config.batch_size)
+        steps = updates(config, size)
+        of_all = updates(config, sum(self._steps))
         hint = "it is that of the data sets of all iterations" if found == of_all else ""
         self.findings.compare("updates", update.where, found, steps, hint=hint)
 
@@ -247,7 +247,7 @@ class Verification:
             trainee,
             data,
             explanations.backend_of(self.config)(trainee, data),
-            factors=learning_rate_factors(self.config, iteration),
+            factors=learning_rate_factors(self.config, iteration, len(data.y)),
             batch_size=self.config.batch_size,
             shuffles=draws.shuffles(self.config.seed, iteration),
             turned=turned,
@@ -291,3 +291,16 @@ def what_is_trusted(config: RunConfig) -> list[str]:
         trusted.append(f"the actions, which {config.algorithm}'s own selection draws")
     trusted.append("whether an episode's end was the task's, and times")
     return trusted
+
+
+def _newest(sets: list[list[Played]], config: RunConfig) -> list[list[Played]]:
+    """Those that are D: the newest U, or as many as have `replay_transitions` together, the last one always."""
+    if not config.replay_transitions:
+        return sets[-config.replay_iterations :]
+    while len(sets) > 1 and _steps(sets) > config.replay_transitions:
+        sets = sets[1:]
+    return sets
+
+
+def _steps(sets: list[list[Played]]) -> int:
+    return sum(len(episode.actions) for held in sets for episode in held)

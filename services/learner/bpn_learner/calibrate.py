@@ -4,14 +4,19 @@ After a policy update the weights have flipped and every statistic from training
 network. Estimating them anew, layer by layer, makes the exported thresholds belong to these weights.
 """
 
+from typing import TYPE_CHECKING
+
 import torch
 from torch import Tensor
 
-from bpn_learner.networks import BinaryNetwork, activation, exact_dot_products
+from bpn_learner.layers import activation, exact_dot_products
+
+if TYPE_CHECKING:
+    from bpn_learner.networks import BinaryNetwork
 
 
 @torch.no_grad()
-def reestimate_batch_norm(network: BinaryNetwork, observations: Tensor, batch: int = 256) -> None:
+def reestimate_batch_norm(network: "BinaryNetwork", observations: Tensor, batch: int = 256) -> None:
     """Sets `network.mean` and `network.var`, layer l's with layers below l evaluated with theirs.
 
     The integers' sums are exact (int64 of a batch, then Python's), so the result does not depend on `batch` nor

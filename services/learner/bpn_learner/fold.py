@@ -1,19 +1,22 @@
 """Batch norm and Sign folded into integer thresholds: a trained network as a weight blob."""
 
+from typing import TYPE_CHECKING
 from uuid import UUID
 
 import numpy as np
 import numpy.typing as npt
 
-from bpn_learner.networks import BinaryNetwork
 from bpn_shared.bnn.blob import Thresholds, WeightBlob
 from bpn_shared.bnn.envelope import NO_RUN
+
+if TYPE_CHECKING:
+    from bpn_learner.networks import BinaryNetwork
 
 Floats = npt.NDArray[np.float64]
 
 
 def fold(
-    network: BinaryNetwork, *, run: UUID = NO_RUN, attempt: int = 0, version: int = 0
+    network: "BinaryNetwork", *, run: UUID = NO_RUN, attempt: int = 0, version: int = 0
 ) -> WeightBlob:
     """The evaluated network as integers (section IV-B b): equal to it for every observation, bit by bit.
 

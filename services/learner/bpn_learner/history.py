@@ -16,7 +16,6 @@ from bpn_learner.checkpoint import (
     decode_network,
 )
 from bpn_learner.episodes import DataError, Scored
-from bpn_learner.export import export
 from bpn_learner.initial import initial_policy
 from bpn_learner.networks import PNetwork
 from bpn_shared.bnn.envelope import BlobError
@@ -40,6 +39,10 @@ class History:
         self._rewards = folder.rewards()
         self.is_repeatable = config.pacing == "lockstep" and config.device == "cpu"
         """Whether what is done again comes out the same, bit by bit."""
+
+    def transitions(self, iteration: int) -> int:
+        """How many an iteration that is done has."""
+        return int(self._records.get(iteration, {}).get("transitions", 0))
 
     def load_policy(self) -> "tuple[PNetwork, Any, int]":
         """Network, optimizer and the number of updates done, of the checkpoint or else of the beginning.
@@ -82,7 +85,7 @@ class History:
                 f"{path}, what the run begins with, cannot be read: {error}; start a new run"
             ) from error
         network.eval()
-        found = export(network).content_sha256()
+        found = network.export().content_sha256()
         if found != sha256 and self._config.device == "cpu":
             raise CheckpointError(
                 f"{path} holds other weights (SHA-256 {found}) than version {version} of run {run}, {sha256}; "
@@ -104,7 +107,7 @@ class History:
         missing = sorted(set(range(done)) - self._records.keys())
         if missing:
             log.warning("metrics.jsonl has lost the iterations %s", ", ".join(map(str, missing)))
-        expected, found = self.weights_sha256(done), export(network).content_sha256()
+        expected, found = self.weights_sha256(done), network.export().content_sha256()
         if expected is not None and found != expected:
             message = (
                 f"{path} holds other weights than version {done}, which the run's files tell of"
@@ -138,7 +141,7 @@ class History:
                     f"episodes of iteration {version} are missing and cannot be played again: {path}: "
                     f"{error}; {REMEDY}"
                 ) from error
-            weights = export(self._beginning()[0])
+            weights = self._beginning()[0].export()
         told = self._records.get(version - 1, {}).get("weights_sha256")
         if version != 0 and (
             weights.version != version or told not in (None, weights.content_sha256())

@@ -9,16 +9,26 @@ Inputs are pixel values 0..255 in float32. Every sum a binarized layer can form 
 2**24 (conv1: at most 255 * 256 * 16), so float32 holds it exactly, in any order of summation.
 """
 
+from collections.abc import Callable
+from typing import Any
+from uuid import UUID
+
 import torch
 from torch import Tensor, nn
-from torch.nn import functional
 
 from bpn_learner.batch_norm import BATCH_NORM_EPSILON, batch_norm
 from bpn_learner.binarize import sign
+from bpn_learner.calibrate import reestimate_batch_norm
+from bpn_learner.export import float_weights
+from bpn_learner.fold import fold
 from bpn_learner.group import SINGLE_PROCESS, Group
+from bpn_learner.layers import activation, dot_products, exact_dot_products
+from bpn_shared.bnn.envelope import NO_RUN
+from bpn_shared.bnn.weights import Weights
 from bpn_shared.spec.algorithms import NetworkKind
 from bpn_shared.spec.network import MAX_PIXEL, Layer, NetworkSpec
 
+SCALE_RATE_FACTOR = 3.0
 LATENT_INITIAL = 0.1  # small against the clip at 1: early on, signs are free to flip
 
 
@@ -48,6 +58,25 @@ class PNetwork(nn.Module):
     def max_preference(self) -> float:
         """Largest |P| that the network can express."""
         return float("inf")
+
+    def parameter_groups(self, learning_rate: float) -> list[dict[str, Any]]:  # noqa: ARG002
+        """What an optimizer is made of, whose rate is `learning_rate` where a group has none of its own."""
+        return [{"params": list(self.parameters())}]
+
+    def finish_update(self, observations: Callable[[], Tensor]) -> None:
+        """What every policy update ends with: makes all but the parameters belong to them.
+
+        Args:
+            observations: makes those of D, uint8[n, C, rows, columns].
+        """
+
+    def export(self, *, run: UUID = NO_RUN, attempt: int = 0, version: int = 0) -> Weights:
+        """The evaluated network as the policy that the robots run.
+
+        Raises:
+            BlobError: a value is not finite.
+        """
+        raise NotImplementedError
 
 
 class BinaryNetwork(PNetwork):
@@ -134,6 +163,20 @@ class BinaryNetwork(PNetwork):
         """The largest |P|: lambda N."""
         return float(self.scale().detach()) * self.spec.hidden_units
 
+    def parameter_groups(self, learning_rate: float) -> list[dict[str, Any]]:
+        """Log lambda at three times the rate: one number has to follow the values' magnitude."""
+        others = [p for name, p in self.named_parameters() if name != "log_scale"]
+        scale = {"params": [self.log_scale], "lr": learning_rate * SCALE_RATE_FACTOR}
+        return [{"params": others}, scale]
+
+    def finish_update(self, observations: Callable[[], Tensor]) -> None:
+        """Estimates batch norm anew over D."""
+        reestimate_batch_norm(self, observations())
+
+    def export(self, *, run: UUID = NO_RUN, attempt: int = 0, version: int = 0) -> Weights:
+        """Batch norm and signs folded into integers."""
+        return fold(self, run=run, attempt=attempt, version=version)
+
     @torch.no_grad()
     def clip_latent_weights(self) -> None:
         """Latent weights to [-1, 1], where the straight-through gradient can still move them."""
@@ -184,6 +227,10 @@ class FloatNetwork(PNetwork):
             for layer, w, b in zip(self.spec.layers, weights, biases, strict=True)
         ]
 
+    def export(self, *, run: UUID = NO_RUN, attempt: int = 0, version: int = 0) -> Weights:
+        """An ONNX model."""
+        return float_weights(self, run=run, attempt=attempt, version=version)
+
 
 def make_network(
     kind: NetworkKind, spec: NetworkSpec, *, scale_initial: float, generator: torch.Generator
@@ -192,47 +239,6 @@ def make_network(
     if kind == "float":
         return FloatNetwork(spec, generator=generator)
     return BinaryNetwork(spec, scale_initial=scale_initial, generator=generator)
-
-
-def dot_products(layer: Layer, weights: Tensor, x: Tensor, bias: Tensor | None = None) -> Tensor:
-    """Sums of w x, with Sign(w) the paper's o (section III-C): a convolution, or one product for all input.
-
-    Args:
-        weights: float32[out, fan_in], fan_in in the order (kernel row, kernel column, channel).
-        x: float32[B, in_channels, in_size, in_size]; channels-last in memory is fastest.
-        bias: float32[out].
-
-    Returns:
-        float32[B, out_channels, out_size, out_size].
-    """
-    if layer.is_fully_connected:
-        rows = x.permute(0, 2, 3, 1).flatten(1)
-        return functional.linear(rows, weights, bias)[:, :, None, None]
-    return functional.conv2d(x, as_kernels(layer, weights), bias, stride=layer.stride)
-
-
-def as_kernels(layer: Layer, weights: Tensor) -> Tensor:
-    """Weights [out, fan_in] as torch's [out, in_channels, kernel, kernel], channels-last in memory."""
-    shape = (layer.out_channels, layer.kernel, layer.kernel, layer.in_channels)
-    return weights.view(shape).permute(0, 3, 1, 2)
-
-
-def exact_dot_products(layer: Layer, signs: Tensor, x: Tensor) -> Tensor:
-    """`dot_products`, rounded: a convolution algorithm other than the direct one (Winograd) may err."""
-    return dot_products(layer, signs, x).round()
-
-
-def activation(a: Tensor, b: Tensor, o: Tensor) -> Tensor:
-    """Sign(a o + b), product and sum each rounded to float64: what `fold` turns into thresholds.
-
-    Args:
-        a, b: float64[out].
-        o: integers [B, out, h, w].
-
-    Returns:
-        float32[B, out, h, w].
-    """
-    return sign(a[:, None, None] * o.double() + b[:, None, None]).float()
 
 
 def _variance(layer: Layer) -> Tensor:

@@ -4,7 +4,6 @@ import contextlib
 import logging
 import threading
 import time
-from collections import deque
 from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 
@@ -15,12 +14,12 @@ from bpn_learner.callbacks.calling import Callbacks
 from bpn_learner.checkpoint import encode_checkpoint
 from bpn_learner.episodes import Scored, load_episodes
 from bpn_learner.evaluations import Evaluations
-from bpn_learner.export import export
 from bpn_learner.group import SINGLE_PROCESS, Group, GroupLostError
 from bpn_learner.handout import broadcast_state
 from bpn_learner.history import History
 from bpn_learner.ledger import EpisodeLedger
 from bpn_learner.rendezvous import Rendezvous
+from bpn_learner.replay import ReplayMemory
 from bpn_learner.storage import StorageStopped, insist
 from bpn_learner.transitions import EpisodeData, Transitions
 from bpn_learner.update import (
@@ -36,7 +35,7 @@ from bpn_shared.runs.ownership import Ownership
 from bpn_shared.runs.success import share, success_of
 from bpn_shared.spec.config import RunConfig
 from bpn_shared.spec.seeds import shuffle_generator
-from bpn_shared.waiting import Waiting
+from bpn_shared.waiting import WaitStatus
 
 log = logging.getLogger(__name__)
 
@@ -73,7 +72,7 @@ class Training:
         publish: Callable[[Weights], None],
         report: Report,
         rendezvous: Rendezvous | None,
-        waiting: Waiting,
+        waiting: WaitStatus,
         stop: threading.Event,
         evaluations: Evaluations | None = None,
         counters: Counters | None = None,
@@ -86,7 +85,7 @@ class Training:
         self._network, self._optimizer, self._done = self._history.load_policy()
         self._evaluations, self._counters = evaluations, counters or Counters()
         self.ended_early = ""
-        self._data: deque[list[EpisodeData]] = deque(maxlen=config.replay_iterations)  # D
+        self._memory = ReplayMemory(config.replay_iterations, config.replay_transitions)  # D
 
     def run(self) -> bool:
         """Trains to the last iteration.
@@ -173,8 +172,13 @@ class Training:
         if self._done:
             self._history.check_policy(self._network, self._done)
             log.info("resumes after %d of %d iterations", self._done, self._config.iterations)
-        for iteration in range(max(0, self._done - self._config.replay_iterations), self._done):
+        for iteration in self._remembered():
             self._take(iteration, self._data_set(iteration))
+
+    def _remembered(self) -> range:
+        """The iterations that are D when the training goes on."""
+        transitions = [self._history.transitions(i) for i in range(self._done)]
+        return range(self._done - self._memory.kept(transitions), self._done)
 
     def _data_set(self, iteration: int) -> list[Scored]:
         """All episodes of an iteration that is done; what is missing is played again, with its weights."""
@@ -199,7 +203,7 @@ class Training:
             The policy, and the oldest attempt whose version of that number is the same; 0 if all are.
         """
         folder, attempt = self._owner.folder, self._owner.attempt
-        weights = export(self._network, run=folder.run, attempt=attempt, version=version)
+        weights = self._network.export(run=folder.run, attempt=attempt, version=version)
         before = self._history.weights_sha256(version)
         is_other = before is not None and before != weights.content_sha256()
         if is_other:
@@ -224,7 +228,7 @@ class Training:
     def _take(self, iteration: int, episodes: list[Scored]) -> None:
         """Makes an iteration's episodes the newest data set, and keeps their rewards for who looks at them."""
         scale = self._config.reward_scale
-        self._data.append(
+        self._memory.add(
             [
                 EpisodeData(
                     frames=scored.episode.frames,
@@ -235,14 +239,14 @@ class Training:
                 for scored in episodes
             ]
         )
-        rewards_px = [np.round(data.rewards / scale, 3).tolist() for data in self._data[-1]]
+        rewards_px = [np.round(data.rewards / scale, 3).tolist() for data in self._memory.newest]
         if not self._history.check_rewards(iteration, episodes, rewards_px):
             self._insist("rewards", lambda: self._owner.append_rewards(iteration, rewards_px))
 
     def _update(self, iteration: int) -> UpdateReport:
         """One policy update; where others share it, again from the checkpoint until none was lost."""
         D = Transitions.from_episodes(
-            [episode for dataset in self._data for episode in dataset],
+            self._memory.episodes,
             frames_stacked=self._config.task_spec.frames_stacked,
             difference=self._config.difference,
         )
@@ -287,7 +291,7 @@ class Training:
         task, scale = self._config.task_spec, self._config.reward_scale
         told = [
             success_of(task, scored.episode.meta, data.rewards / scale)
-            for scored, data in zip(episodes, self._data[-1], strict=True)
+            for scored, data in zip(episodes, self._memory.newest, strict=True)
         ]
         return {} if share(told) is None else {"successes": sum(map(bool, told))}
 
@@ -296,7 +300,7 @@ class Training:
     ) -> dict[str, float | int | str | list[float]]:
         """The iteration's line in the run folder; docs/metrics.md explains every value."""
         scale = self._config.reward_scale
-        returns = [float(episode.rewards.sum()) / scale for episode in self._data[-1]]
+        returns = [float(episode.rewards.sum()) / scale for episode in self._memory.newest]
         name = self._config.task_spec.return_metric
         lengths = [scored.episode.steps for scored in episodes]
         metas = [scored.episode.meta for scored in episodes]
@@ -317,6 +321,8 @@ class Training:
             "max_preference": update.max_preference,
             "max_target": update.max_target,
             "scale": update.scale,
+            "entropy": update.entropy,
+            "agreement": update.agreement,
             "saturation": update.saturation,
             "epsilon": self._config.epsilon(iteration),
             "updates": update.updates,

@@ -40,6 +40,7 @@ class Transitions:
         actions: int64[n].
         rewards: float32[n], scaled.
         done: bool[n], s' is a failure; a time limit is not.
+        steps_left: int64[n], of the episode from s on, whose transitions are one behind the other.
 
     Raises:
         ValueError: the lengths differ.
@@ -51,11 +52,19 @@ class Transitions:
     actions: Tensor
     rewards: Tensor
     done: Tensor
+    steps_left: Tensor
 
     def __post_init__(self) -> None:
         lengths = {
             name: len(getattr(self, name))
-            for name in ("observations", "next_observations", "actions", "rewards", "done")
+            for name in (
+                "observations",
+                "next_observations",
+                "actions",
+                "rewards",
+                "done",
+                "steps_left",
+            )
         }
         if len(set(lengths.values())) > 1:
             raise ValueError(f"transitions have different lengths: {lengths}")
@@ -98,6 +107,7 @@ class Transitions:
                     indices[:, place] = (place + 1) * frames + np.arange(frames)
             stacks.append(first + indices)
             first += frames * (frames_stacked if difference else 1)
+        steps_left = [np.arange(len(e.actions), 0, -1) for e in episodes]
         done = [np.arange(1, len(e.frames)) == len(e.actions) * e.terminated for e in episodes]
         return cls(
             frames=torch.from_numpy(np.concatenate(pictures)),
@@ -110,6 +120,7 @@ class Transitions:
                 np.concatenate([e.rewards for e in episodes]).astype(np.float32)
             ),
             done=torch.from_numpy(np.concatenate(done)),
+            steps_left=torch.from_numpy(np.concatenate(steps_left)),
         )
 
     def to(self, device: torch.device) -> Self:

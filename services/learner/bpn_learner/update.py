@@ -11,17 +11,19 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from bpn_learner.calibrate import reestimate_batch_norm
+from bpn_learner.cvi import NO_FLOOR
 from bpn_learner.group import SINGLE_PROCESS, Group
 from bpn_learner.minibatch import minibatch_gradients
-from bpn_learner.networks import BinaryNetwork, PNetwork
+from bpn_learner.networks import PNetwork
+from bpn_learner.policy_metrics import agreement, entropy
 from bpn_learner.targets import TargetInputs, target_values
 from bpn_learner.transitions import Transitions, gather_observations
 from bpn_shared.spec.config import RunConfig
 from bpn_shared.spec.sections import Backend
 
 EVALUATION_BATCH = 256
-SCALE_RATE_FACTOR = 3.0
+LOOKED_AT = 256
+"""Transitions whose greedy action is compared before and after an update."""
 
 
 _STOP_EVERY = 64
@@ -47,6 +49,9 @@ class UpdateConfig:
         options: the algorithm's own.
         bootstrap_terminals: from terminal states too, as Algorithm 1 as printed does from every s'.
         relative_targets: y less its mean over D, see `targets`.
+        n_step: steps that a target adds up.
+        gap_floor: of CVI's gap, see `cvi_target`.
+        max_updates: optimizer steps at most; 0: C epochs.
         learning_rate_share: of the optimizer's learning rate, in this update's first epoch.
         lr_update_final_factor: of that, in the last epoch; in between it falls along a cosine.
         backend: what computes the minibatches' gradients, see `minibatch_gradients`.
@@ -61,6 +66,9 @@ class UpdateConfig:
     options: Mapping[str, Any] = field(default_factory=dict)
     bootstrap_terminals: bool = True
     relative_targets: bool = False
+    n_step: int = 1
+    gap_floor: float = NO_FLOOR
+    max_updates: int = 0
     learning_rate_share: float = 1.0
     lr_update_final_factor: float = 1.0
     backend: Backend = "native"
@@ -78,6 +86,9 @@ class UpdateConfig:
             options=config.own_options,
             bootstrap_terminals=config.bootstrap_terminals,
             relative_targets=config.relative_targets,
+            n_step=config.n_step,
+            gap_floor=config.gap_floor or NO_FLOOR,
+            max_updates=config.max_updates,
             learning_rate_share=config.learning_rate_share(iteration),
             lr_update_final_factor=config.lr_update_final_factor,
             backend=config.backend,
@@ -114,6 +125,8 @@ class UpdateReport:
         max_preference: largest |P-(s, .)| over D.
         max_target: largest |y|.
         scale: lambda afterwards.
+        entropy: mean over D of the policy softmax(beta P-), in nats.
+        agreement: share of D, of at most `LOOKED_AT` transitions, in which the greedy action is as before.
         saturation: share of targets with |y| > lambda N, which the network cannot express.
         updates: optimizer steps.
         seconds: duration.
@@ -124,19 +137,18 @@ class UpdateReport:
     max_preference: float
     max_target: float
     scale: float
+    entropy: float
+    agreement: float
     saturation: float
     updates: int
     seconds: float
 
 
 def make_optimizer(network: PNetwork, learning_rate: float) -> torch.optim.Adam:
-    """Adam, with log lambda at three times the rate: one number has to follow the values' magnitude."""
-    groups: list[dict[str, object]] = [
-        {"params": [p for name, p in network.named_parameters() if name != "log_scale"]}
-    ]
-    if isinstance(network, BinaryNetwork):
-        groups.append({"params": [network.log_scale], "lr": learning_rate * SCALE_RATE_FACTOR})
-    optimizer = torch.optim.Adam(groups, lr=learning_rate, fused=True)
+    """Adam, as the network asks for it."""
+    optimizer = torch.optim.Adam(
+        network.parameter_groups(learning_rate), lr=learning_rate, fused=True
+    )
     for group in optimizer.param_groups:
         group["initial_lr"] = group["lr"]  # what `annealing` is a factor of
     return optimizer
@@ -173,7 +185,6 @@ def policy_update(
     started = time.perf_counter()
     device = next(network.parameters()).device
     transitions = transitions.to(device)
-    minibatches = minibatches_per_epoch(len(transitions), settings.batch_size)
     P_target, P_next = target_preferences(network, transitions)
     y, offset = targets(transitions, P_target, P_next, settings, float(network.offset))
     regression = RegressionBatch(
@@ -186,19 +197,25 @@ def policy_update(
     network.eval()
     network.offset.fill_(offset)
 
-    if isinstance(network, BinaryNetwork):
-        observations = gather_observations(transitions.frames, transitions.observations)
-        reestimate_batch_norm(network, observations, EVALUATION_BATCH)
+    network.finish_update(lambda: gather_observations(transitions.frames, transitions.observations))
     return UpdateReport(
         loss_first=losses[0],
         loss_last=losses[-1],
         max_preference=float(P_target.abs().max()),
         max_target=float(y.abs().max()),
         scale=float(network.scale().detach()),
+        entropy=entropy(P_target, settings.beta),
+        agreement=_agreement(network, transitions, P_target),
         saturation=float((y.abs() > network.max_preference()).float().mean()),
-        updates=settings.epochs * minibatches,
+        updates=updates_of(settings, len(transitions)),
         seconds=time.perf_counter() - started,
     )
+
+
+def _agreement(network: PNetwork, transitions: Transitions, P_target: Tensor) -> float:
+    """Of the newest transitions: as many as cost little beside the update."""
+    newest = transitions.observations[-LOOKED_AT:]
+    return agreement(P_target[-LOOKED_AT:], preferences(network, transitions.gather(newest)))
 
 
 def fit(
@@ -225,30 +242,46 @@ def fit(
     )
     losses: list[float] = []
 
+    updates = updates_of(settings, size)
+    epochs = -(-updates // minibatches)
     network.train()
-    for epoch in range(settings.epochs):
+    for epoch in range(epochs):
         set_learning_rate(optimizer, annealing(epoch, settings))
         order = torch.from_numpy(rng.permutation(size)).to(observations.device)
         total = torch.zeros((), device=observations.device)
-        for k in range(minibatches):
+        steps = min(minibatches, updates - epoch * minibatches)
+        for k in range(steps):
             if stop is not None and k % _STOP_EVERY == 0 and stop():
-                raise UpdateStopped(f"stopped after {epoch} of {settings.epochs} epochs")
+                raise UpdateStopped(f"stopped after {epoch} of {epochs} epochs")
+            if settings.max_updates:  # which may end within an epoch: annealed from step to step
+                set_learning_rate(optimizer, annealed(epoch * minibatches + k, updates, settings))
             total += gradients(order[B * k : B * (k + 1)])
             optimizer.step()
             network.clip_latent_weights()
-        losses.append(_finite(float(total) / minibatches, network))
+        losses.append(_finite(float(total) / steps, network))
         if progress is not None:
-            progress(epoch + 1, settings.epochs)
+            progress(epoch + 1, epochs)
     return losses
 
 
+def updates_of(settings: UpdateConfig, size: int) -> int:
+    """Optimizer steps of an update over D of that size."""
+    updates = settings.epochs * minibatches_per_epoch(size, settings.batch_size)
+    return min(updates, settings.max_updates) if settings.max_updates else updates
+
+
 def annealing(epoch: int, settings: UpdateConfig) -> float:
-    """The learning rate's factor in an epoch: a cosine from `learning_rate_share` down.
+    """The learning rate's factor in an epoch, see `annealed`."""
+    return annealed(epoch, settings.epochs, settings)
+
+
+def annealed(done: int, count: int, settings: UpdateConfig) -> float:
+    """The learning rate's factor in one of `count` parts: a cosine from `learning_rate_share` down.
 
     Binary weights keep flipping as long as the rate is high. What the last flips leave is the policy that
     the robots run, so they have to become few before an update ends.
     """
-    progress = epoch / max(1, settings.epochs - 1)
+    progress = done / max(1, count - 1)
     final = settings.lr_update_final_factor
     cosine = final + (1 - final) * (1 + math.cos(math.pi * progress)) / 2
     return settings.learning_rate_share * cosine
@@ -317,7 +350,9 @@ def targets(
     """
     done = transitions.done if not settings.bootstrap_terminals else None
     reward, gamma = transitions.rewards, settings.gamma
-    data = TargetInputs(reward, transitions.actions, P_target, P_next, done, -offset)
+    data = TargetInputs(
+        reward, transitions.actions, P_target, P_next, done, -offset, transitions.steps_left
+    )
     y = target_values(settings.target, data, settings)
     if not settings.relative_targets:
         return y, 0.0

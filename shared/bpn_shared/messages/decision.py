@@ -6,8 +6,7 @@ from pydantic import Field
 
 from bpn_shared.messages.base import ULONG, Message
 from bpn_shared.messages.control import Count
-
-MAX_ACTIONS = 64
+from bpn_shared.spec.network import MAX_ACTIONS
 
 
 class Decision(Message):

@@ -54,9 +54,10 @@ def config_hash(config: RunConfig) -> str:
     that a new field changes no hash.
     """
     learned: dict[str, Any] = {name: sections(config)[name] for name in LEARNED}
-    for name in ADDED:
-        if getattr(config, name) == RunConfig.model_fields[name].default:
-            del learned["training"][name]
+    for section, added in ADDED.items():
+        for name in added:
+            if getattr(config, name) == RunConfig.model_fields[name].default:
+                del learned[section][name]
     learned["task"] = config.task_spec.model_dump(
         mode="json", exclude=_SHOWN, exclude_defaults=True
     )

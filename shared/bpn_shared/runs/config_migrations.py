@@ -69,6 +69,16 @@ _BEFORE_SCHEMA_3: Values = {
 """Values of files from before there were these options: all off."""
 
 
+_BEFORE_SCHEMA_4: Values = {
+    "n_step": 1,
+    "gap_floor": 0.0,
+    "replay_transitions": 0,
+    "max_updates": 0,
+    "disturb": "",
+}
+"""The same."""
+
+
 def _from_1(values: Values) -> Values:
     return _BEFORE_SCHEMA_2 | values
 
@@ -89,7 +99,7 @@ def _from_3(values: Values) -> Values:
 
     And no kernel where a run had the only one that there was.
     """
-    found = renamed(values)
+    found = _BEFORE_SCHEMA_4 | renamed(values)
     name = str(found.get("algorithm"))
     spec = find_algorithm(name).spec
     found |= {"conv": format_convolutions(PAPER_CONVOLUTIONS), "frame_px": 0}

@@ -16,9 +16,10 @@ from bpn_shared.spec.algorithms import (
     find_algorithm,
     implied,
 )
+from bpn_shared.spec.disturbances import of_scope
 from bpn_shared.spec.gym import GymOptions
 from bpn_shared.spec.installed import preset_of, task_spec
-from bpn_shared.spec.network import IMAGE_SIZE_PX, NetworkSpec, parse_convolutions
+from bpn_shared.spec.network import NetworkSpec, parse_convolutions
 from bpn_shared.spec.renamed import called_now
 from bpn_shared.spec.sections import AlgorithmValues, ExecutionValues, TrainingValues
 from bpn_shared.spec.stopping import StopRule
@@ -159,6 +160,15 @@ class RunConfig(ExecutionValues, TrainingValues, AlgorithmValues, TaskOptions):
             )
         return self
 
+    @model_validator(mode="after")
+    def _latency_needs_time(self) -> Self:
+        if of_scope(self.task_spec.disturbances, "time") and self.pacing == "lockstep":
+            raise ValueError(
+                f"disturb = {self.disturb!r}: latency means nothing in lockstep, where the robot waits for the "
+                "action: set pacing = realtime, or leave it out"
+            )
+        return self
+
     @property
     def network(self) -> NetworkSpec:
         return self.task_spec.network(self.hidden_units, parse_convolutions(self.conv))
@@ -193,6 +203,18 @@ class RunConfig(ExecutionValues, TrainingValues, AlgorithmValues, TaskOptions):
         """Of the learning rate, in an iteration: from 1 linearly to `lr_run_final_factor`."""
         progress = iteration / max(1, self.iterations - 1)
         return 1 + progress * (self.lr_run_final_factor - 1)
+
+    def disturbed(self, text: str) -> Self:
+        """The same run with other disturbances, as `disturbances.parse` takes them.
+
+        Raises:
+            ConfigError: they are impossible.
+        """
+        try:
+            spec = self.task_spec.disturbed(text)
+        except InputError as error:
+            raise ConfigError(f"disturb = {text!r}: {error}") from error
+        return self.parse(self.model_dump() | {"task_spec": spec, "disturb": text})
 
     @classmethod
     def for_task(cls, task: str, **changes: Any) -> Self:

@@ -50,7 +50,7 @@ def task_spec(name: str, options: TaskOptions) -> TaskSpec:
     """The specification of the task of that name.
 
     Args:
-        options: for a task of a family; of another the whole specification is its own.
+        options: for a task of a family; of another all of the specification but its disturbances is its own.
 
     Raises:
         UnknownTaskError: there is none here.
@@ -59,7 +59,7 @@ def task_spec(name: str, options: TaskOptions) -> TaskSpec:
     plugin, task = _find(name)
     spec = plugin.apply(task.make, name, options) if isinstance(task, TaskFamily) else task
     _check_name(plugin, spec, name)
-    return spec
+    return spec.disturbed(options.disturb) if options.disturb else spec
 
 
 def preset_of(name: str) -> dict[str, Any]:

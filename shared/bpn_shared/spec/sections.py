@@ -65,6 +65,21 @@ class AlgorithmValues(BaseModel):
     relative_targets: Annotated[
         bool, Field(description="subtract the targets' mean over D (Algorithm 1 as printed: no)")
     ] = False
+    n_step: Annotated[
+        int,
+        Field(
+            ge=1, le=100, description="steps of an episode that a target adds up (Algorithm 1: 1)"
+        ),
+    ] = 1
+    gap_floor: Annotated[
+        float,
+        Field(
+            ge=0,
+            le=1e6,
+            description="how far below a state's value an action's preference counts in CVI's target, at most; "
+            "0: however far",
+        ),
+    ] = 0.0
     epsilon_initial: Annotated[
         float, Field(ge=0, le=1, description="bqn, dqn: share of random actions in iteration 0")
     ] = 1.0
@@ -98,6 +113,22 @@ class TrainingValues(BaseModel):
     replay_iterations: Annotated[
         int, Field(ge=1, le=1000, description="U, newest iterations whose episodes are D")
     ] = 3
+    replay_transitions: Annotated[
+        int,
+        Field(
+            ge=0,
+            le=10_000_000,
+            description="D is the newest whole iterations with at most so many transitions; 0: it is U iterations",
+        ),
+    ] = 0
+    max_updates: Annotated[
+        int,
+        Field(
+            ge=0,
+            le=10_000_000,
+            description="optimizer steps of a policy update, at most; 0: C epochs",
+        ),
+    ] = 0
 
     hidden_units: Annotated[
         int, Field(ge=1, le=MAX_HIDDEN_UNITS, description="N, hidden units, of FC(N)")
@@ -212,5 +243,8 @@ SECTIONS: dict[str, type[BaseModel]] = {
 """Of a configuration's values but for the task's."""
 LEARNED = ("task", "algorithm", "training")
 """The sections that say what is learned."""
-ADDED = ("conv",)
-"""Values of the section `training` that came later: their defaults are no part of a configuration's hash."""
+ADDED = {
+    "algorithm": ("n_step", "gap_floor"),
+    "training": ("conv", "replay_transitions", "max_updates"),
+}
+"""Values that came later, by section: their defaults are no part of a configuration's hash."""

@@ -8,9 +8,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, field_validator, model_validator
 
-from bpn_shared.spec.disturbances import Disturbances
+from bpn_shared.spec.disturbances import Disturbances, parse, shown
 from bpn_shared.spec.gym import GYM_PREFIX, OFF, GymOptions
 from bpn_shared.spec.network import (
     IMAGE_SIZE_PX,
@@ -68,6 +68,18 @@ class TaskOptions(GymOptions):
     actions: Annotated[
         int, Field(ge=0, le=MAX_ACTIONS, description="gym tasks: |A|; 0: found out by `bpn train`")
     ] = 0
+    disturb: Annotated[
+        str,
+        AfterValidator(lambda text: shown(parse(text))),
+        Field(
+            max_length=500,
+            description="disturbances of camera and servos: noise=25,offset=-30..30 (docs/disturbances.md)",
+        ),
+    ] = ""
+
+
+FOR_EVERY_TASK = ("disturb",)
+"""Of these options, what a configuration may choose of any task."""
 
 
 class TaskSpec(BaseModel):
@@ -183,10 +195,17 @@ class TaskSpec(BaseModel):
 
     def options(self) -> dict[str, Any]:
         """What `TaskOptions` say of this task."""
-        of_gym = dict(self.gym)
-        return of_gym | {
-            name: getattr(self, name) for name in TaskOptions.model_fields if name not in of_gym
-        }
+        values: dict[str, Any] = dict(self.gym) | {"disturb": shown(self.disturbances)}
+        own = (name for name in TaskOptions.model_fields if name not in values)
+        return values | {name: getattr(self, name) for name in own}
+
+    def disturbed(self, text: str) -> Self:
+        """The same task with other disturbances, as `disturbances.parse` takes them.
+
+        Raises:
+            InputError: they are impossible.
+        """
+        return self.model_copy(update={"disturbances": parse(text)})
 
 
 @dataclass(frozen=True, slots=True)

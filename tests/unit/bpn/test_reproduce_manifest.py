@@ -1,5 +1,6 @@
 """No run is made twice, and none is taken for another."""
 
+import json
 import shutil
 from pathlib import Path
 
@@ -62,6 +63,15 @@ def test_a_run_made_before_a_default_changed_is_not_taken_for_one_of_now(tmp_pat
     second = Manifest(tmp_path).folder(RunConfig.bare("reaching"))
     assert second.path != first.path
     assert second.config() == RunConfig.bare("reaching")
+
+
+def test_a_manifest_of_before_still_knows_its_runs(tmp_path: Path) -> None:
+    """Its names were of values that are called otherwise today."""
+    first = Manifest(tmp_path).folder(RunConfig.for_task("reaching"))
+    (tmp_path / "manifest.json").write_text(
+        json.dumps({"0123456789abcdef": str(first.run), "f": "removed"})
+    )
+    assert Manifest(tmp_path).folder(RunConfig.for_task("reaching")).path == first.path
 
 
 def test_a_damaged_manifest_is_named_with_the_remedy(tmp_path: Path) -> None:

@@ -161,3 +161,17 @@ def test_cartpole_says_of_how_many_steps_and_how_many_trials_reached_the_end() -
 def test_the_wire_time_of_an_image_is_computed_from_its_bytes() -> None:
     table = TARGETS["latency"].table(made("latency"))
     assert "| server behind 10 Mbit/s (computed) | + 16.93 |" in table  # 21168 x 8 bits
+
+
+def test_robustness_has_a_line_for_each_level_and_a_column_for_each_training() -> None:
+    table = TARGETS["robustness"].table(made("robustness"))
+    lines = [line for line in table.splitlines() if line.startswith("|")]
+    assert "BPN, disturbed" in lines[0]
+    assert [cell.strip() for cell in lines[-1].strip("|").split("|")] == [
+        "noise=25",
+        "0",
+        "75",
+        "0",
+        "75",
+    ]
+    assert "noise=0..30" in table

@@ -11,7 +11,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from onnx.reference import ReferenceEvaluator
 
-from bpn_learner.export import export
 from bpn_learner.fold import fold
 from bpn_learner.networks import BinaryNetwork, FloatNetwork, PNetwork, make_network
 from bpn_shared.bnn.blob import WeightBlob
@@ -28,7 +27,7 @@ def float_network(spec: NetworkSpec = SPEC, seed: int = 0) -> FloatNetwork:
 
 
 def exported(network: FloatNetwork) -> FloatWeights:
-    policy = export(network)
+    policy = network.export()
     assert isinstance(policy, FloatWeights)
     return policy
 
@@ -61,18 +60,18 @@ def test_equal_networks_give_equal_bytes_and_others_do_not() -> None:
 def test_each_kind_is_exported_as_its_own_policy() -> None:
     binary = make_network("binary", SPEC, scale_initial=0.3, generator=torch.Generator())
     assert isinstance(binary, BinaryNetwork)
-    policy = export(binary, attempt=2, version=3)
+    policy = binary.export(attempt=2, version=3)
     assert isinstance(policy, WeightBlob)
     assert policy.encode() == fold(binary, attempt=2, version=3).encode()
     network = make_network("float", SPEC, scale_initial=0.3, generator=torch.Generator())
     assert isinstance(network, FloatNetwork)
-    assert (export(network, attempt=2, version=3).attempt, exported(network).scale) == (2, 1.0)
-    with pytest.raises(TypeError, match="a PNetwork cannot be exported"):
-        export(PNetwork(SPEC))
+    assert (network.export(attempt=2, version=3).attempt, exported(network).scale) == (2, 1.0)
+    with pytest.raises(NotImplementedError):
+        PNetwork(SPEC).export()
 
 
 def test_a_network_that_is_not_finite_is_not_exported() -> None:
     network = float_network()
     network.biases.data[-1] = float("nan")
     with pytest.raises(BlobError, match="not finite"):
-        export(network)
+        network.export()

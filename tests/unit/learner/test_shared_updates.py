@@ -10,7 +10,6 @@ from torch import Tensor
 from training_runs import INTERRUPTED, RUN, Runs, shas, train
 
 from bpn_learner import training as training_module
-from bpn_learner.export import export
 from bpn_learner.group import GroupLostError, SingleProcess
 from bpn_learner.handout import MAX_BYTES, receive_state
 from bpn_learner.initial import initial_policy
@@ -87,7 +86,7 @@ def test_who_shares_an_update_is_told_all_of_it(runs: Runs, folder: RunFolder) -
     assert iteration == INTERRUPTED
     assert len(regression.y) == 2 * RUN.episodes * RUN.steps
     before = runs.whole.weights(INTERRUPTED).content_sha256()
-    assert export(network).content_sha256() == before
+    assert network.export().content_sha256() == before
 
 
 @pytest.mark.parametrize("size", [0, -1, MAX_BYTES + 1])

@@ -8,7 +8,6 @@ import pytest
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 from training_runs import INTERRUPTED, RUN, Edge, Runs, shas, train
 
-from bpn_learner.export import export
 from bpn_learner.initial import initial_policy
 from bpn_learner.ledger import EpisodeLedger
 from bpn_learner.reward import episode_rewards
@@ -20,7 +19,7 @@ from bpn_shared.messages.episode import Episode
 from bpn_shared.runs.folder import OwnershipLostError, RunFolder
 from bpn_shared.spec.config import RunConfig
 from bpn_shared.spec.seeds import shuffle_generator
-from bpn_shared.waiting import Waiting
+from bpn_shared.waiting import WaitStatus
 
 
 def test_every_version_is_what_its_configuration_and_its_newest_data_sets_make(runs: Runs) -> None:
@@ -45,7 +44,7 @@ def test_every_version_is_what_its_configuration_and_its_newest_data_sets_make(r
             shuffle_generator(3, iteration),
         )  # fmt: skip
         found = runs.whole.weights(iteration + 1).content_sha256()
-        assert found == export(network).content_sha256(), f"version {iteration + 1}"
+        assert found == network.export().content_sha256(), f"version {iteration + 1}"
     assert len(set(shas(runs.whole))) == RUN.iterations
 
 
@@ -72,8 +71,8 @@ def test_the_wait_for_room_ends_with_a_stop(
     with folder.owned("learner-1") as owner:
         owner.begin_attempt()
         monkeypatch.setattr(owner, "append_metrics", full)
-        waiting = Waiting()
-        ledger = EpisodeLedger(RUN, owner, {"edge-0"}, Waiting(), Counters())
+        waiting = WaitStatus()
+        ledger = EpisodeLedger(RUN, owner, {"edge-0"}, WaitStatus(), Counters())
         training = Training(
             RUN, owner, ledger, publish=edge.publish, report=lambda *_: None, rendezvous=None,
             waiting=waiting, stop=stop_after,

@@ -13,7 +13,6 @@ from training_runs import INTERRUPTED, RUN, Runs, shas, train
 
 from bpn_learner.checkpoint import CheckpointError, encode_checkpoint
 from bpn_learner.episodes import DataError
-from bpn_learner.export import export
 from bpn_learner.initial import initial_policy
 from bpn_shared.runs.digests import seal_line
 from bpn_shared.runs.folder import RunFolder
@@ -93,7 +92,7 @@ def test_data_that_cannot_be_played_again_are_a_named_error(
 
 def test_weights_of_another_content_are_not_played_again(folder: RunFolder) -> None:
     folder.episode_path(3, 0).unlink()
-    other = export(initial_policy(RUN.model_copy(update={"seed": 9}))[0], version=3)
+    other = initial_policy(RUN.model_copy(update={"seed": 9}))[0].export(version=3)
     folder.weights_path(3).write_bytes(other.encode())
     with pytest.raises(DataError, match="is not version 3 of this run"):
         train(folder)
@@ -181,7 +180,7 @@ def test_an_update_that_is_done_again_from_the_same_data_is_the_same(
 def test_what_other_weights_have_played_is_not_learned_from(folder: RunFolder) -> None:
     """Version 4 was another in the attempt before: its episodes are no data of this one's."""
     train(folder, stop_after=5)
-    other = export(initial_policy(RUN.model_copy(update={"seed": 9}))[0], version=5, attempt=2)
+    other = initial_policy(RUN.model_copy(update={"seed": 9}))[0].export(version=5, attempt=2)
     folder.episode_path(5, 0).write_bytes(played(5, 0, weights_attempt=2))
     folder.weights_path(5).write_bytes(other.encode())
     lines = (folder.path / "metrics.jsonl").read_bytes().splitlines(keepends=True)

@@ -11,10 +11,9 @@ from hypothesis import strategies as st
 
 from bpn_learner.cvi import cvi_target
 from bpn_learner.fold import fold
-from bpn_learner.networks import BinaryNetwork, FloatNetwork, PNetwork
+from bpn_learner.networks import SCALE_RATE_FACTOR, BinaryNetwork, FloatNetwork, PNetwork
 from bpn_learner.transitions import EpisodeData, Transitions
 from bpn_learner.update import (
-    SCALE_RATE_FACTOR,
     DivergenceError,
     UpdateConfig,
     UpdateReport,

@@ -9,7 +9,6 @@ import pytest
 from played import CONFIG
 
 from bpn_learner.checkpoint import CheckpointError, encode_checkpoint
-from bpn_learner.export import export
 from bpn_learner.history import History
 from bpn_learner.initial import initial_policy
 from bpn_shared.runs.folder import RunFolder
@@ -35,7 +34,7 @@ def source(request: pytest.FixtureRequest, tmp_path: Path) -> RunFolder:
     with folder.owned("learner-1") as owner:
         owner.begin_attempt()
         for version in (2, 3):
-            owner.write_weights(export(network, run=SOURCE, attempt=1, version=version))
+            owner.write_weights(network.export(run=SOURCE, attempt=1, version=version))
         owner.write_checkpoint(encode_checkpoint(network, optimizer, 3))
     return folder
 
@@ -54,8 +53,8 @@ def test_before_the_first_update_the_weights_are_the_others_whatever_becomes_of_
     config = folder.config()
     told = config.init_from.split(":")
     network, optimizer, done = History(config, folder).load_policy()
-    assert told == [str(SOURCE), "3", export(network).content_sha256()]
-    assert export(initial_policy(config)[0]).content_sha256() != told[2]
+    assert told == [str(SOURCE), "3", network.export().content_sha256()]
+    assert initial_policy(config)[0].export().content_sha256() != told[2]
     assert (float(network.offset), done) == (2.5, 0)
     assert not optimizer.state_dict()["state"], "Adam begins anew"
     assert History(config, folder).weights(0, 1).content_sha256() == told[2]

@@ -26,7 +26,8 @@ NO_DEFAULT = RunConfig.bare(
     "tracking", algorithm="bqn", seed=3, iterations=11, episodes=7, steps=9, epochs=4, batch_size=6,
     replay_iterations=5, alpha=0.4, beta=2.5, gamma=0.7, bootstrap_terminals=False, relative_targets=True,
     epsilon_initial=0.9, epsilon_final=0.2, hidden_units=12, learning_rate=0.02, lr_update_final_factor=0.3,
-    lr_run_final_factor=0.5, scale_initial=0.4, reward_scale=0.3, backend="torch",
+    lr_run_final_factor=0.5, scale_initial=0.4, reward_scale=0.3, backend="torch", n_step=3, gap_floor=6.0,
+    max_updates=70,
 )  # fmt: skip
 
 
@@ -60,6 +61,9 @@ def test_the_configuration_reaches_the_update_in_every_field() -> None:
         target="dqn",
         bootstrap_terminals=False,
         relative_targets=True,
+        n_step=3,
+        gap_floor=6.0,
+        max_updates=70,
         learning_rate_share=pytest.approx(0.8),
         lr_update_final_factor=0.3,
         backend="torch",

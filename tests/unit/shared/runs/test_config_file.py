@@ -118,6 +118,17 @@ def test_old_runs_and_new_equal_ones_have_one_hash() -> None:
     assert {config_hash(config) for config in (*old, new)} == {config_hash(new)}
 
 
+def test_the_shape_is_part_of_what_is_learned() -> None:
+    gym = {"task": "gym:Some-v0", "actions": 3}
+    hashes = {
+        config_hash(RunConfig.for_task(**gym, **changes))
+        for changes in ({}, {"conv": "8x4x8,4x2x16,3x1x17"}, {"frame_px": 64})
+    }
+    assert len(hashes) == 3
+    same = RunConfig.for_task(**gym, conv=" 8x4x8,4x2x16, 3x1x16", frame_px=84)
+    assert config_hash(same) in hashes
+
+
 def changed(**values: Any) -> bytes:
     document = json.loads(encode_config(CONFIG))
     del document["sha256"]

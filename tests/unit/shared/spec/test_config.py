@@ -75,6 +75,21 @@ def test_every_task_has_a_preset_and_observations_of_its_network(task: TaskSpec)
         ),
         ({"kernel": "onnx"}, "does not run the network of 'bpn', which is binary; one of: native"),
         ({"frames_stacked": 4}, "frames_stacked = 4: task 'reaching' has 1; leave it out"),
+        ({"frame_px": 64}, "frame_px = 64: task 'reaching' has 84; leave it out"),
+        (
+            {"task": "gym:A-v1", "actions": 2, "frame_px": 7},
+            "frame_px = 7 is outside 8..128",
+        ),
+        ({"conv": "8x4"}, "conv = '8x4': '8x4' is no layer: each is KERNELxSTRIDExCHANNELS"),
+        (
+            {"conv": "8x4x16,4x5x8"},
+            "conv = '8x4x16,4x5x8' with frames of 84 x 84: convolutions: layer 2 (4x5x8), stride = 5",
+        ),
+        (
+            {"task": "gym:A-v1", "actions": 2, "frame_px": 12, "conv": "8x4x8,4x2x16"},
+            "with frames of 12 x 12: convolutions: layer 2 (4x2x16): its kernel is larger than its input, 2 x 2",
+        ),
+        ({"conv": "1x1x100"}, "weights, at most 4,000,000 are allowed"),
         ({"actions": 3}, "actions = 3: task 'reaching' has 14"),
         (
             {"task": "gym:CartPole-v1", "actions": 0},
@@ -183,6 +198,7 @@ BY_VALUE = {"task_spec", "algorithm_spec"}
 DEFAULTS: dict[str, Any] = {
     "env_kwargs": "", "env_wrappers": "", "frames_from": "auto", "observation_key": "", "crop": "",
     "max_over_frames": 1, "difference": False, "action_bins": 0, "frame_px": 84, "conv": "8x4x8,4x2x16,3x1x16",
+    "disturb": "", "n_step": 1, "gap_floor": 0.0, "replay_transitions": 0, "max_updates": 0,
     "task": "reaching", "algorithm": "bpn", "seed": 0, "frame_channels": 1, "frames_stacked": 1,
     "frame_skip": 1, "actions": 14, "iterations": 50, "episodes": 10, "steps": 20, "epochs": 50,
     "batch_size": 32, "replay_iterations": 3, "alpha": 0.95, "beta": 1.0, "gamma": 0.99,
@@ -259,12 +275,14 @@ def test_the_learning_rate_falls_on_a_line_over_the_run(iterations: int, last: f
 
 
 RANGES: dict[str, tuple[float, float]] = {
-    "seed": (0, 2**63 - 1), "frame_px": (0, 256), "frame_channels": (0, 3), "frames_stacked": (0, 16), "frame_skip": (0, 100),
+    "frame_px": (0, 128),
+    "seed": (0, 2**63 - 1), "frame_channels": (0, 3), "frames_stacked": (0, 16), "frame_skip": (0, 100),
     "actions": (0, 64), "iterations": (1, 100_000), "episodes": (1, 10_000), "steps": (1, 1000),
     "epochs": (1, 10_000), "batch_size": (2, 4096), "replay_iterations": (1, 1000), "hidden_units": (1, 1024),
     "learners": (1, 64),
     "max_over_frames": (1, 100), "action_bins": (0, 64), "evaluate_every": (0, 100_000),
-    "evaluate_episodes": (1, 1000),
+    "evaluate_episodes": (1, 1000), "n_step": (1, 100), "gap_floor": (0, 1e6),
+    "replay_transitions": (0, 10_000_000), "max_updates": (0, 10_000_000),
     "robots": (1, 64), "alpha": (0, 1), "epsilon_initial": (0, 1), "epsilon_final": (0, 1),
     "lr_update_final_factor": (0, 1), "lr_run_final_factor": (0, 1), "action_delay_ms": (0, 2000),
     # above 0
