@@ -23,7 +23,7 @@ SPIRIT = "{http://www.spiritconsortium.org/XMLSchema/SPIRIT/1685-2009}"
     [
         (["build", "--target", "ulx3s-85f", "--clock", "100"], "--clock 100: a multiple of 3"),
         (
-            ["build", "--target", "zu3eg", "--nodes", "2000"],
+            ["build", "--target", "zu3eg", "--hidden-units", "2000"],
             "hidden_units = 2000 must be in 2..1023",
         ),
         (["report", "--network", "6,100"], "--network 6,100: C,N,|A| such as 6,100,17"),

@@ -24,7 +24,7 @@ module bpn_conv1 (
     input logic [2:0] threshold_address,
     input logic [31:0] write_data,
 
-    // The host's reads, in clocks without a beat: three clocks later.
+    // The host's reads, in clocks without a beat: four clocks after the first of two.
     input logic host_read,
     input logic [bpn::BEAT_W+2:0] host_address,
     output logic [32*bpn::BYTES-1:0] host_weights,
@@ -137,7 +137,8 @@ module bpn_conv1 (
   wire [bpn::BLOCK_W-1:0] summed_block = along[DEPTH+1][bpn::BLOCK_W-1:0];
   wire [bpn::ROW_W-1:0] summed_row = along[DEPTH+1][bpn::BLOCK_W+:bpn::ROW_W];
   wire summed = valid[DEPTH+1] && along[DEPTH+1][bpn::BLOCK_W+bpn::ROW_W+1] && summed_block != '0;
-  wire first_of_four = summed_row[1:0] == 2'd0;
+  logic first_of_four;
+  always_ff @(posedge clk) first_of_four <= along[DEPTH][bpn::BLOCK_W+:2] == 2'd0;
 
   logic [SUMS*S_W-1:0] kept, updated;
   logic updated_valid, updated_complete;

@@ -313,9 +313,13 @@ module bpn_core (
 
   // Engine maps lie in one memory: conv2's 81 words from 0, conv3's 49 from 128, FC(N)'s from 192.
   logic stepped, stepped_bias, stepped_first, stepped_last;
-  logic [1:0] stepped_layer, read_layer_1, read_layer;
+  logic [1:0] stepped_layer;
+  logic [1:0] from_conv1;
+  logic [15:0] inputs;
   logic [bpn::GROUP_W-1:0] stepped_group;
-  logic [bpn::WEIGHT_W:0] weights_read;
+  localparam int STEP_W = bpn::GROUP_W + 6;
+  logic [STEP_W-1:0] stepping;
+  logic [bpn::WEIGHT_W:0] weights_read, weights_read_next;
   logic [8:0] conv1_read;
   logic [7:0] maps_read;
   logic [255:0] weights;
@@ -328,20 +332,18 @@ module bpn_core (
   logic [7:0] done_address;
 
   always_ff @(posedge clk) begin
-    stepped <= step;
-    stepped_layer <= layer;
-    stepped_group <= group;
-    stepped_bias <= is_bias;
-    stepped_first <= is_first;
-    stepped_last <= is_last;
-    read_layer_1 <= stepped_layer;
-    read_layer <= read_layer_1;
+    // Activations are read a clock before their weights, for the clock in which one of two maps is chosen.
+    {stepped, stepping} <= {stepping[STEP_W-1], step, layer, group, is_bias, is_first, is_last};
+    {stepped_layer, stepped_group, stepped_bias, stepped_first, stepped_last} <= stepping[STEP_W-2:0];
+    from_conv1 <= {from_conv1[0], stepping[STEP_W-2-:2] == 2'd0};
+    inputs <= from_conv1[1] ? conv1_input : maps_input;
+    weights_read <= weights_read_next;
     if (host_engine) begin
-      weights_read <= {memory_address[27], memory_address[3+:bpn::WEIGHT_W]};
+      weights_read_next <= {memory_address[27], memory_address[3+:bpn::WEIGHT_W]};
       conv1_read <= {newest, memory_address[7:0]};
       maps_read <= memory_address[7:0];
     end else begin
-      weights_read <= {oldest_bank, weight_address};
+      weights_read_next <= {oldest_bank, weight_address};
       conv1_read <= {oldest, input_address};
       case (layer)
         2'd1: maps_read <= {1'b0, input_address[6:0]};
@@ -349,7 +351,7 @@ module bpn_core (
         default: maps_read <= {2'b11, input_address[5:0]};
       endcase
     end
-    if (!rst_n) stepped <= 1'b0;
+    if (!rst_n) {stepped, stepping} <= '0;
   end
 
   bpn_ram #(
@@ -407,7 +409,7 @@ module bpn_core (
       .is_bias(stepped_bias),
       .is_first(stepped_first),
       .is_last(stepped_last),
-      .inputs(read_layer == 2'd0 ? conv1_input : maps_input),
+      .inputs,
       .weights,
       .done,
       .done_layer,
@@ -418,7 +420,6 @@ module bpn_core (
 
   // How far the frames are.
   wire output_done = done && done_layer == 2'd3;
-  assign finish = output_done && done_group == bpn::GROUP_W'(action_groups) - 1'b1;
 
   logic [31:0] clocks;
   logic [31:0] begun_at[2], ended_at[2];
@@ -427,6 +428,7 @@ module bpn_core (
 
   always_ff @(posedge clk) begin
     clocks <= clocks + 1'b1;
+    finish <= rst_n && output_done && done_group == bpn::GROUP_W'(action_groups) - 1'b1;
     if (start) begin
       begun_at[!newest] <= clocks;
       conv1_words[!newest] <= '0;

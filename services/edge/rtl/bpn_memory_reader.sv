@@ -14,27 +14,31 @@ module bpn_memory_reader (
     input logic engine_idle,
     output logic read_engine,
 
-    // Three clocks after the address; thresholds at once.
+    // Four clocks after the first of two clocks with the address.
     input logic [32*bpn::BYTES-1:0] conv1_weights,
     input logic [31:0] conv1_threshold,
     input logic [255:0] engine_weights,
     input logic [15:0] conv1_map,
     input logic [15:0] maps
 );
-  logic [1:0] waited;
-  logic held;
+  logic pending, held;
+  logic [2:0] waited;
   wire [4:0] conv1_lane = lane & 5'(bpn::BYTES - 1);
-  wire asked = read && waited == '0 && !ready;
 
-  assign hold_pixels = asked && region == 4'd0;
-  assign hold_engine = asked && region >= 4'd2;
   assign read_conv1 = hold_pixels && held;
   assign read_engine = hold_engine && engine_idle;
 
   always_ff @(posedge clk) begin
+    pending <= 1'b1;
     held <= hold_pixels;
-    ready <= waited == 2'd3;
-    waited <= waited == '0 ? 2'(read_conv1 || read_engine || (asked && region == 4'd1)) : waited + 1'b1;
+    if (!pending) begin
+      hold_pixels <= region == 4'd0;
+      hold_engine <= region >= 4'd2;
+    end
+    if (waited != '0) waited <= waited + 1'b1;
+    else if (read_conv1 || read_engine || (!pending && region == 4'd1)) waited <= 3'd1;
+    if (waited == 3'd1) {hold_pixels, hold_engine} <= '0;
+    ready <= waited == 3'd4;
     case (region)
       4'd0: data <= 32'(conv1_weights >> {conv1_lane, 5'd0});
       4'd1: data <= conv1_threshold;
@@ -42,6 +46,6 @@ module bpn_memory_reader (
       4'd3: data <= 32'(conv1_map);
       default: data <= 32'(maps);
     endcase
-    if (!read) {waited, ready, held} <= '0;
+    if (!read || ready) {pending, waited, ready, held, hold_pixels, hold_engine} <= '0;
   end
 endmodule

@@ -19,7 +19,7 @@ module bpn_schedule (
     input logic [bpn::GROUP_W-1:0] fc1_words,
 
     input logic hold,  // begin no job: the host wants the memories
-    output logic idle,  // no step in this clock
+    output logic idle,  // it does, and makes no step in this clock
 
     output logic step,
     output logic [1:0] layer,  // 0 conv2, 1 conv3, 2 FC(N), 3 FC(|A|)
@@ -48,7 +48,7 @@ module bpn_schedule (
   logic conv2_ready, conv3_ready, fc1_ready, fc2_ready;
 
   // The job in hand.
-  logic busy, padding;
+  logic busy, padding, held;
   logic [2:0] steps;  // 0 to 4, then no more
   logic [1:0] column;
   logic [GROUP_W-1:0] left;  // steps after this one, of a fully connected layer
@@ -58,11 +58,12 @@ module bpn_schedule (
   wire conv = !layer[1];
   wire finished = conv ? conv_left == '0 : left == '0;
   wire over = busy && (padding || finished) && steps[2];
-  wire begin_job = active && !hold && (!busy || over) && !clear;
-  assign idle = !busy;
+  wire begin_job = active && !held && (!busy || over) && !clear;
+  assign idle = held && !busy;
   assign step = busy && !padding;
 
   always_ff @(posedge clk) begin
+    held <= hold;
     conv2_ready <= conv2_origin < 8'd170 && conv1_words >= conv2_need;
     conv3_ready <= conv3_origin < 7'd63 && conv2_words >= conv3_need;
     fc1_ready <= fc1_position < 6'd50 && conv3_words >= fc1_position;

@@ -27,7 +27,7 @@ module bpn_xnor (
   localparam int STAGES = 5;  // step, memory, memory's register, popcounts, sums
   logic [STAGES-1:1] valid;
   logic [C_W-1:0] along[STAGES-1:1];
-  wire [1:0] layer_3 = along[3][1:0];
+  logic from_nothing, from_kept;  // of what goes into the sums
 
   function automatic logic [4:0] popcount(input logic [15:0] bits);
     popcount = '0;
@@ -38,6 +38,8 @@ module bpn_xnor (
     valid <= {valid[STAGES-2:1], step};
     along[1] <= {group, is_last, is_bias, is_first, layer};
     for (int i = 2; i < STAGES; i = i + 1) along[i] <= along[i-1];
+    from_nothing <= along[2][2] || along[2][3];
+    from_kept <= along[2][1:0] == 2'd2;
     if (!rst_n) valid <= '0;
   end
 
@@ -53,8 +55,8 @@ module bpn_xnor (
     for (genvar i = 0; i < 16; i = i + 1) begin : gen_output
       logic [ACC_W-1:0] addend;
       wire [15:0] word = weights[16*i+:16];
-      wire [ACC_W-1:0] so_far = along[3][2] || along[3][3] ? '0
-          : layer_3 == 2'd2 ? kept_word[i*ACC_W+:ACC_W] : sums[i*ACC_W+:ACC_W];
+      wire [ACC_W-1:0] so_far = from_nothing ? '0
+          : from_kept ? kept_word[i*ACC_W+:ACC_W] : sums[i*ACC_W+:ACC_W];
       always_ff @(posedge clk) begin
         addend <= along[2][3] ? word[ACC_W-1:0] : ACC_W'(popcount(~(word ^ inputs)));
         if (valid[3]) sums[i*ACC_W+:ACC_W] <= so_far + addend;
