@@ -128,7 +128,7 @@ GOOD = blob(1, 1)
         (_encode_header(GOOD), GOOD.encode()[:-1], "bytes of a weight blob, the header tells of"),
         (_encode_header(GOOD), GOOD.encode() + b"x", "bytes, a binary policy with"),
         (_encode_header(GOOD), bytes(len(GOOD.encode())), "starts with"),
-        (_encode_header(GOOD), bytes([*GOOD.encode()[:60], 255, *GOOD.encode()[61:]]), "SHA-256"),
+        (_encode_header(GOOD), bytes([*GOOD.encode()[:200], 255, *GOOD.encode()[201:]]), "SHA-256"),
         (
             _encode_header(blob(1, 2)),
             GOOD.encode(),
