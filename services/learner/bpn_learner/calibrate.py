@@ -21,8 +21,8 @@ def reestimate_batch_norm(
 ) -> None:
     """Sets `network.mean` and `network.var`, layer l's with layers below l evaluated with theirs.
 
-    The integers' sums are exact (int64 of a batch, then Python's), so the result does not depend on `batch_size` nor
-    on the order of observations.
+    The integers' sums are exact (int64 of a batch, then Python's), so the result depends neither on how
+    observations are batched nor on their order.
 
     Args:
         observations: uint8[n, C, rows, columns], n >= 1.
