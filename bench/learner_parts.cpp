@@ -83,7 +83,7 @@ int main() {
   std::vector<const uint8_t*> images;
   for (int b = 0; b < kImages; ++b) images.push_back(pixels.data() + b * layers[0].image);
   const std::vector<int64_t> actions(kImages, 2);
-  const Batch batch{kImages, images.data(), actions.data(), floats(kImages), kImages};
+  const Batch batch{kImages, images.data(), actions.data(), 1, floats(kImages), kImages};
   const Parameters parameters{floats(100'000), floats(1000), floats(1000), -1.6f};
   Gradients out{floats(100'000), floats(1000), floats(1000), 0, 0};
 

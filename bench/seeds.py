@@ -29,6 +29,7 @@ from bpn_robot.robot import Robot
 from bpn_robot.robots import make_robot
 from bpn_shared.bnn.weights import Weights
 from bpn_shared.camera.disturbed import EpisodeCamera
+from bpn_shared.spec.algorithms import KERNELS
 from bpn_shared.spec.config import RunConfig
 from bpn_shared.spec.disturbances import parse
 from bpn_shared.spec.observation import stack
@@ -44,7 +45,7 @@ class Player:
     def __init__(self, config: RunConfig) -> None:
         self.config, self.task = config, config.task_spec
         self.robot: Robot = make_robot(self.task)
-        self.kernel = kernels.load(config.kernel)
+        self.kernel = kernels.load(KERNELS[config.algorithm_spec.network][0])
         self.entropies: list[float] = []
 
     def load(self, weights: Weights) -> None:

@@ -78,7 +78,7 @@ def compiled(trainee: Trainee, data: Targets) -> Gradients:
         parameter.grad = slope
     # the kernel reads parameters and writes gradients in place
     values, written = ([v.detach().numpy() for v in of] for of in (trainee.parameters, slopes))
-    seen, taken, y = data.seen.numpy(), data.actions.numpy(), data.y.numpy()
+    seen, taken, y = data.seen.numpy(), data.actions[:, None].numpy(), data.y.numpy()
     if not trainee.binary:
         of_floats = _native.FloatKernel(path, layers)
         return lambda rows: of_floats.gradients(

@@ -51,7 +51,7 @@ def minibatch_gradients(
 
     Args:
         observations: uint8[n, C, rows, columns], channels-last in memory.
-        actions: int64[n].
+        actions: int64[n]; of D dimensions int64[n, D], the outputs that an action takes (`cvi.outputs_taken`).
         y: targets, float32[n].
         group: who shares the minibatches.
     """
@@ -96,7 +96,7 @@ def autograd_gradients(
     def gradients(batch: Tensor) -> Tensor:
         part = group.shard(batch)
         P = network(pixels.index_select(0, part).float().permute(0, 3, 1, 2), group)
-        P_taken = P.gather(1, actions[part, None]).squeeze(1)
+        P_taken = P.gather(1, actions[part].view(len(part), -1)).sum(dim=1)
         loss = (y[part] - P_taken).square().sum() / (2 * len(batch))  # J, section IV-C
         together.vector.zero_()
         together.set()
@@ -132,7 +132,8 @@ def native_gradients(
     # The kernel reads parameters and writes gradients in place: these arrays share the tensors' memory.
     latent, gamma, beta = (parameter.detach().numpy() for parameter in vectors)
     d_latent, d_gamma, d_beta = (part.numpy() for part in together.parts[:-1])
-    observations, taken, targets = pixels.numpy(), actions.numpy(), y.numpy()
+    observations, targets = pixels.numpy(), y.numpy()
+    taken = actions.reshape(len(actions), -1).contiguous().numpy()
     # Batch norm's statistics are the whole minibatch's.
     add_up = None if group.size == 1 else lambda sums: group.all_reduce_sum(torch.from_numpy(sums))
 
@@ -167,7 +168,8 @@ def native_float_gradients(
     # They share the tensors' memory.
     weights, biases = (parameter.detach().numpy() for parameter in parameters)
     d_weights, d_biases = (part.numpy() for part in together.parts)
-    observations, taken, targets = pixels.numpy(), actions.numpy(), y.numpy()
+    observations, targets = pixels.numpy(), y.numpy()
+    taken = actions.reshape(len(actions), -1).contiguous().numpy()
 
     def gradients(batch: Tensor) -> float:
         loss = kernel.gradients(

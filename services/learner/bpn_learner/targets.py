@@ -121,9 +121,9 @@ def over_steps(
 ) -> OverSteps:
     """The data over `n_step` steps; with one step the data themselves.
 
-    Preferences that lack c lack gamma^n c behind n steps, and n is smaller at an episode's end: (gamma^n - gamma) c
-    is added to the rewards, so that sums of several lengths lack the same, gamma c. Where no terminal state pins
-    values, c is what they will lack, E[r] / (1 - gamma), from the beginning.
+    Preferences that lack c lack gamma^n c behind n steps, and n is smaller at an episode's end: what is more or
+    less than gamma c is added to the rewards, so that sums of several lengths lack the same. Where no terminal
+    state pins values, c is what they will lack, E[r] / (1 - gamma), from the beginning.
 
     Args:
         correction: see `n_step`, float32[n].

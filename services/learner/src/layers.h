@@ -35,6 +35,7 @@ inline void layer_gradients(const Geometry& geometry, const Batch& batch, const 
 }
 
 // J = 1/2 (y - P)^2 with P = scale o, section IV-C: the share of its mean, and the gradients of log scale and of o.
+// Of an action of several dimensions, P is the sum over the outputs that it takes, one of each.
 struct Loss {
   float mean, log_scale;
 };
@@ -42,11 +43,14 @@ inline Loss take_loss(const Layer& last, const Batch& batch, float scale, const 
   double loss = 0, scale_gradient = 0;
   std::memset(g, 0, sizeof(float) * batch.size * last.width);
   for (int b = 0; b < batch.size; ++b) {
-    const int64_t taken = b * last.width + batch.actions[b];
-    const float P = scale * o[taken], error = P - batch.targets[b];
+    const int64_t* taken = batch.taken + b * batch.dimensions;
+    const float* of_image = o + b * last.width;
+    float P = scale * of_image[taken[0]];
+    for (int d = 1; d < batch.dimensions; ++d) P += scale * of_image[taken[d]];
+    const float error = P - batch.targets[b];
     loss += 0.5 * error * error;
     scale_gradient += double(error) * P;
-    g[taken] = error * scale / batch.total;
+    for (int d = 0; d < batch.dimensions; ++d) g[b * last.width + taken[d]] = error * scale / batch.total;
   }
   return {static_cast<float>(loss / batch.total), static_cast<float>(scale_gradient / batch.total)};
 }

@@ -22,7 +22,8 @@ struct Exchange {
 struct Batch {
   int size;                      // images of this share, maybe 0
   const uint8_t* const* pixels;  // per image: [row][column][channel], readable kSlack bytes beyond its end
-  const int64_t* actions;
+  const int64_t* taken;          // per image: the outputs of its action, one for each dimension
+  int dimensions;
   const float* targets;
   int total;                     // images of all shares
   Exchange exchange = {};

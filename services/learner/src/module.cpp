@@ -85,7 +85,7 @@ class Scratch {
  protected:
   // Checks a share of a minibatch of `total` and finds its images. It is valid until the next call.
   Batch take(const Array<const uint8_t, 4>& observations, const Array<const int64_t, 1>& batch,
-             const Array<const int64_t, 1>& actions, const Array<const float, 1>& targets, int total,
+             const Array<const int64_t, 2>& actions, const Array<const float, 1>& targets, int total,
              Exchange exchange = {}) {
     const Layer& conv1 = geometry_.layers[0];
     const size_t n = observations.shape(0), B = batch.shape(0);
@@ -97,21 +97,25 @@ class Scratch {
     }
     if (actions.shape(0) != n || targets.shape(0) != n)
       throw nb::value_error("observations, actions and targets have different lengths");
+    const size_t D = actions.shape(1);
+    if (D < 1) throw nb::value_error("an action needs at least 1 output");
     if (total < 1 || size_t(total) < B) throw nb::value_error("a minibatch needs at least 1 transition");
-    images_.resize(B), actions_.resize(B), targets_.resize(B);
+    images_.resize(B), actions_.resize(B * D), targets_.resize(B);
     for (size_t b = 0; b < B; ++b) {
       const int64_t i = batch.data()[b];
       if (i < 0 || size_t(i) >= n) throw nb::index_error("the minibatch names a transition outside D");
-      actions_[b] = actions.data()[i];
-      if (actions_[b] < 0 || actions_[b] >= geometry_.layers[geometry_.count - 1].outputs)
-        throw nb::index_error("an action is outside the network's");
+      for (size_t d = 0; d < D; ++d) {
+        const int64_t output = actions_[b * D + d] = actions.data()[size_t(i) * D + d];
+        if (output < 0 || output >= geometry_.layers[geometry_.count - 1].outputs)
+          throw nb::index_error("an action is outside the network's");
+      }
       images_[b] = observations.data() + size_t(i) * conv1.image;
       targets_[b] = targets.data()[i];
       if (size_t(i) == n - 1)  // nothing may be read behind the last one
         images_[b] = static_cast<uint8_t*>(std::memcpy(padded_image_, images_[b], conv1.image));
     }
     reserve(std::max(B, size_t(1)));
-    return {int(B), images_.data(), actions_.data(), targets_.data(), total, exchange};
+    return {int(B), images_.data(), actions_.data(), int(D), targets_.data(), total, exchange};
   }
 
   // Values of conv1's weights where up to eight inputs of a row lie together.
@@ -181,7 +185,7 @@ class Kernel : Scratch {
   }
 
   nb::tuple gradients(const Array<const uint8_t, 4>& observations, const Array<const int64_t, 1>& batch,
-                      const Array<const int64_t, 1>& actions, const Array<const float, 1>& targets,
+                      const Array<const int64_t, 2>& actions, const Array<const float, 1>& targets,
                       const Array<const float, 1>& latent, const Array<const float, 1>& gamma,
                       const Array<const float, 1>& beta, float log_scale, const Array<float, 1>& d_latent,
                       const Array<float, 1>& d_gamma, const Array<float, 1>& d_beta, int total,
@@ -208,7 +212,7 @@ class FloatKernel : Scratch {
   }
 
   float gradients(const Array<const uint8_t, 4>& observations, const Array<const int64_t, 1>& batch,
-                  const Array<const int64_t, 1>& actions, const Array<const float, 1>& targets,
+                  const Array<const int64_t, 2>& actions, const Array<const float, 1>& targets,
                   const Array<const float, 1>& weights, const Array<const float, 1>& biases,
                   const Array<float, 1>& d_weights, const Array<float, 1>& d_biases, int total) {
     check_sizes(weights.shape(0) == weights_ && d_weights.shape(0) == weights_ &&

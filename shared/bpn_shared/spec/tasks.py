@@ -78,6 +78,10 @@ class TaskOptions(GymOptions):
     ] = ""
 
 
+FOR_EVERY_TASK = ("disturb",)
+"""Of these options, what a configuration may choose of any task."""
+
+
 class TaskSpec(BaseModel):
     """One task.
 

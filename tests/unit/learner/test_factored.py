@@ -1,14 +1,24 @@
 """Preferences of actions with several dimensions, beside those of all joint actions written out."""
 
 import itertools
+from collections.abc import Callable
 
 import pytest
 import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from minibatches import binary_network, data, distance, float_network, named_gradients
 from torch import Tensor
 
 from bpn_learner.cvi import best, cvi_gap, cvi_target, dqn_target, mellowmax, outputs_taken, taken
+from bpn_learner.minibatch import (
+    autograd_gradients,
+    available_paths,
+    native_float_gradients,
+    native_gradients,
+)
+from bpn_learner.networks import BinaryNetwork, PNetwork
+from bpn_shared.spec.network import NetworkSpec
 
 dims_of = st.lists(st.integers(2, 5), min_size=1, max_size=4)
 
@@ -92,3 +102,24 @@ def test_a_floor_holds_bad_actions_and_changes_no_good_one(floor: float) -> None
     assert floored[0] == gap[0] > 0
     assert floored[1] == pytest.approx(-floor)
     assert gap[1] < -90
+
+
+@pytest.mark.parametrize("path", available_paths())
+@pytest.mark.parametrize("network_of", [binary_network, float_network])
+def test_the_kernels_gradients_of_several_dimensions_are_autograds(
+    path: str, network_of: Callable[[NetworkSpec, int], PNetwork]
+) -> None:
+    dims = [3, 2, 4]
+    spec = NetworkSpec(channels=2, hidden_units=20, actions=9, action_dims=tuple(dims))
+    network, (pixels, _, y) = network_of(spec, 5), data(spec, 5)
+    _, action = drawn(7, len(y), dims)
+    outputs = outputs_taken(action, dims)
+    batch = torch.arange(9)
+    native = native_gradients if isinstance(network, BinaryNetwork) else native_float_gradients
+    plain = named_gradients(network, autograd_gradients(network, pixels, outputs, y), batch)
+    found = named_gradients(network, native(network, pixels, outputs, y, path=path), batch)  # type: ignore[arg-type]
+    for name, gradient in plain.items():
+        assert distance(found[name], gradient) < 2e-4, name
+    P = network(pixels[batch].float().permute(0, 3, 1, 2))
+    loss = (y[batch] - taken(P, action[batch], dims)).square().mean() / 2
+    assert float(plain["loss"]) == pytest.approx(float(loss.detach()), rel=1e-5)

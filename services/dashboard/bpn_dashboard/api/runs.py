@@ -25,7 +25,7 @@ from bpn_shared.runs.creation import configure
 from bpn_shared.spec.algorithms import Algorithm, NetworkKind, offered_algorithms
 from bpn_shared.spec.config import OPTIONS, RunConfig
 from bpn_shared.spec.installed import offered
-from bpn_shared.spec.tasks import TaskFamily, TaskOptions, TaskSpec
+from bpn_shared.spec.tasks import FOR_EVERY_TASK, TaskFamily, TaskOptions, TaskSpec
 
 router = APIRouter(tags=["runs"])
 
@@ -126,6 +126,17 @@ class ConfigSchema(BaseModel):
     model_config = {"alias_generator": lambda name: name.rstrip("_"), "populate_by_name": True}
 
 
+class RunTask(TaskChoice):
+    """The task of a run, and how its algorithm acts there."""
+
+    selection: Annotated[
+        str,
+        Field(
+            description="what draws the actions of its data: softmax, epsilon_greedy, or another"
+        ),
+    ]
+
+
 class BulkResult(BaseModel):
     """What became of one of them."""
 
@@ -153,7 +164,11 @@ def config_schema(_who: Viewer) -> ConfigSchema:
         presets={name: preset | bare.get(name, {}) for name, preset in tasks.presets.items()},
         tasks=[TaskChoice.of(task) for task in sorted(tasks.specs, key=_steps_of_run)],
         families=[FamilyChoice.of(name, one) for name, one in sorted(tasks.families.items())],
-        family_options=[name for name in OPTIONS if name in TaskOptions.model_fields],
+        family_options=[
+            name
+            for name in OPTIONS
+            if name in TaskOptions.model_fields and name not in FOR_EVERY_TASK
+        ],
         algorithms=[AlgorithmChoice.of(algorithm) for algorithm in algorithms],
         defaults={name: _DEFAULTS[name] for name in OPTIONS if name in _DEFAULTS},
     )
@@ -228,10 +243,12 @@ def get_run(_who: Viewer, parts: Parts, response: Response, run_id: str) -> Run:
 
 
 @router.get("/runs/{run_id}/task", operation_id="getTask", responses=responses(404, 422))
-def get_task(_who: Viewer, parts: Parts, run_id: str) -> TaskChoice:
+def get_task(_who: Viewer, parts: Parts, run_id: str) -> RunTask:
     """The run's task as its configuration has it, whether it is installed here or not."""
     parts.runs.get(run_id)
-    return TaskChoice.of(parts.runs.folder(run_id).config().task_spec)
+    config = parts.runs.folder(run_id).config()
+    task = TaskChoice.of(config.task_spec).model_dump()
+    return RunTask(**task, selection=config.policy)
 
 
 @router.patch(

@@ -72,6 +72,18 @@ const KNOWN: Metric[] = [
     about: 'largest target over the data',
   },
   {
+    name: 'entropy',
+    title: 'Entropy',
+    unit: 'nats',
+    about: 'how undecided the policy is over the data, before the update',
+  },
+  {
+    name: 'agreement',
+    title: 'Agreement',
+    unit: 'share',
+    about: 'of the newest data, where the best action is the same after the update',
+  },
+  {
     name: 'saturation',
     title: 'Saturation',
     unit: 'share',
@@ -145,6 +157,8 @@ const AFTER_RETURN = [
   'scale',
   'max_preference',
   'saturation',
+  'entropy',
+  'agreement',
   'weights_version_lag',
 ];
 

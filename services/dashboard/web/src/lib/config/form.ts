@@ -34,15 +34,25 @@ const SECTIONS: { title: string; open: boolean; keys: string[] }[] = [
   {
     title: 'Data of an iteration',
     open: false,
-    keys: ['episodes', 'steps', 'replay_iterations', 'reward_scale'],
+    keys: [
+      'episodes',
+      'steps',
+      'replay_iterations',
+      'replay_transitions',
+      'reward_scale',
+      'disturb',
+    ],
   },
   {
     title: 'Policy update',
     open: false,
     keys: [
       'epochs',
+      'max_updates',
       'batch_size',
       'gamma',
+      'n_step',
+      'gap_floor',
       'bootstrap_terminals',
       'learning_rate',
       'lr_update_final_factor',
@@ -57,7 +67,7 @@ const SECTIONS: { title: string; open: boolean; keys: string[] }[] = [
     open: false,
     keys: ['evaluate_every', 'evaluate_episodes', 'stop_when', 'callbacks', 'tensorboard'],
   },
-  { title: 'Exploration of BQN', open: false, keys: ['epsilon_initial', 'epsilon_final'] },
+  { title: 'Exploration of BQN and DQN', open: false, keys: ['epsilon_initial', 'epsilon_final'] },
 ];
 const ELSEWHERE = new Set(['task', 'algorithm']);
 
