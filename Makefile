@@ -22,11 +22,14 @@ up: $(INSTALLED) ## install what it needs, start the dashboard and workers, with
 dev: $(DEV)      ## install what tests, benchmarks and figures need beside
 	@true
 
-check: $(DEV)    ## the inner loop, under a minute: ruff, claims, and the unit tests of what has no processes
+# More of them: make check QUICK="tests/unit tests/contract"
+QUICK ?= tests/unit/shared tests/unit/edge tests/unit/tasks
+
+check: $(DEV)    ## the inner loop, under a minute on an idle machine: ruff, import-linter, unit tests of what all share
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/lint-imports --no-logo
-	$(BIN)/pytest -q --no-header -x $(QUICK)
+	$(BIN)/pytest -q --no-header -x -n $(BESIDE) $(QUICK)
 
 # Whole files beside each other, in the order in which they stand: those that take minutes come first.
 BESIDE ?= 2
@@ -110,11 +113,11 @@ test-chaos: $(DEV) ## every fault that containers may have in the middle of a ru
 test-fresh-machine: ## the README's two commands in a bare container, as root and as a normal user (half an hour; any Docker Engine)
 	deploy/fresh-machine.sh
 
-# The solver and the synthesis beside what `make` installs: PyPI has both, and they have nothing to do with the others' pins.
+# yosys, if the system has none, comes from PyPI.
 test-rtl: $(DEV) ## the core's long suites: networks, swaps and gaps by the hundred, proofs, mutants of the RTL (an hour)
-	$(PIP_LOUD) --no-build-isolation -e 'bpn[fpga]' -e 'services/edge[rtl]' z3-solver
+	$(PIP_LOUD) --no-build-isolation -e 'bpn[fpga]' -e 'services/edge[rtl]'
 	BPN_RTL_SCALE=25 $(BIN)/pytest tests/rtl
-	PATH="$(abspath $(BIN)):$$PATH" $(BIN)/python services/edge/rtl/formal/prove.py
+	$(BIN)/python services/edge/rtl/formal/prove.py
 	$(BIN)/python -m tests.rtl.mutants --sample 300
 
 mutants: $(DEV) ## how many faults the tests notice, sampled and aimed ones (hours; goes on where it was; MUTANTS="--sample N --seed S")
@@ -124,7 +127,7 @@ lint: $(DEV) check-claims ## ruff, mypy --strict, import-linter; prettier, svelt
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy -p bpn_shared -p bpn_edge -p bpn_learner -p bpn_robot -p bpn_robot_sim -p bpn_tasks -p bpn_dashboard -p bpn_certificates -p bpn
-	$(BIN)/mypy bench checks docs/dashboard/screenshots.py
+	$(BIN)/mypy bench checks docs/dashboard/screenshots.py docs/learning_picture.py
 	$(BIN)/lint-imports --no-logo
 	$(BIN)/python services/dashboard/hatch_build.py types check test
 
@@ -208,12 +211,12 @@ $(INSTALLED): constraints.txt pyproject.toml $(PACKAGES:%=%/pyproject.toml) \
 	@echo 'bpn, 1 of 2: build tools (CMake, Ninja, Node) into $(VENV), 100 MB'
 	$(PIP_INSTALL) pip
 	$(PIP_INSTALL) --group build
-	@echo 'bpn, 2 of 2: torch, MuJoCo and the others, 550 MB where torch is for CPUs alone; then kernels and web UI are built'
+	@echo 'bpn, 2 of 2: torch, MuJoCo and the others, 420 MB where torch is for CPUs alone; then kernels and web UI are built'
 	$(PIP_LOUD) --no-build-isolation $(PACKAGES:%=-e %)
 	touch $@
 
 $(DEV): $(INSTALLED)
-	@echo 'bpn: what tests, benchmarks and figures need, 250 MB'
+	@echo 'bpn: what tests, benchmarks and figures need, 300 MB'
 	$(PIP_LOUD) --group dev --no-build-isolation $(PACKAGES:%=-e %) -e 'bpn[bench,data,media]' \
 	  -e 'services/robot_sim[gym]' -e 'services/learner[tensorboard]' -e 'services/edge[rtl]'
 	touch $@

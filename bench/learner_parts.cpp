@@ -62,18 +62,19 @@ void peak() {
 }  // namespace
 
 int main() {
-  const Geometry geometry(6, 100, 7);  // tracking
+  const LayerShape tracking[] = {{84, 6, 8, 4, 8}, {20, 8, 4, 2, 16}, {9, 16, 3, 1, 16}, {7, 16, 7, 1, 100}, {1, 100, 1, 1, 7}};
+  const Geometry geometry(tracking, 5);
   const Layer* layers = geometry.layers;
   Workspace work{};
-  for (int l = 0; l < kLayers; ++l) {
+  for (int l = 0; l < geometry.count; ++l) {
     const Layer& layer = layers[l];
     const size_t values = size_t(kImages) * layer.positions() * layer.width;
     work.weights[l] = floats(layer.width * layer.fan_in());
-    work.transposed[l] = l > 0 && layer.size > 1 ? floats(layer.width * layer.fan_in()) : nullptr;
+    work.transposed[l] = l > 0 && !layer.connected ? floats(layer.width * layer.fan_in()) : nullptr;
     work.inputs[l] = floats(size_t(kImages) * layer.image);
     work.outputs[l] = floats(values), work.gradients[l] = floats(values);
     work.weight_gradients[l] = floats(layer.width * layer.rows * padded(layer.run));
-    if (l < kNorms) work.norm_scale[l] = floats(layer.width), work.gamma[l] = floats(layer.width), work.beta[l] = floats(layer.width);
+    if (l < geometry.norms()) work.norm_scale[l] = floats(layer.width), work.gamma[l] = floats(layer.width), work.beta[l] = floats(layer.width);
   }
   std::vector<int8_t> pixel_signs(layers[0].outputs * layers[0].fan_in(), 1);
   work.pixel_signs = pixel_signs.data();
@@ -97,31 +98,31 @@ int main() {
       add_weight_gradients(layers[0], 20, 20, layers[0].step_x, images[b], work.gradients[0] + b * stride, work.weight_gradients[0]);
   });
   const char* names[] = {"conv1", "conv2", "conv3", "fc1", "fc2"};
-  for (int l = 1; l < kLayers; ++l) {
+  for (int l = 1; l < geometry.count; ++l) {
     const Layer& layer = layers[l];
     const double macs = double(kImages) * layer.positions() * layer.outputs * layer.fan_in();
     const auto part = [&](const char* what) { return std::string(names[l]) + what; };
     report(part(" outputs").c_str(), macs, [&] {
-      if (layer.size > 1) convolve(layer, kImages, work.inputs[l], work.transposed[l], work.outputs[l]);
+      if (!layer.connected) convolve(layer, kImages, work.inputs[l], work.transposed[l], work.outputs[l]);
       else connect(layer, kImages, work.inputs[l], work.weights[l], work.outputs[l]);
     });
     report(part(" input gradient").c_str(), macs, [&] {
       input_gradients(layer, kImages, work.gradients[l], work.weights[l], work.inputs[l]);
     });
     report(part(" sign gradient").c_str(), macs, [&] {
-      if (layer.size == 1) return add_weight_gradients(layer, 1, kImages, layer.image, work.inputs[l], work.gradients[l], work.weight_gradients[l]);
+      if (layer.connected) return add_weight_gradients(layer, 1, kImages, layer.image, work.inputs[l], work.gradients[l], work.weight_gradients[l]);
       for (int b = 0; b < kImages; ++b)
         add_weight_gradients(layer, layer.size, layer.size, layer.step_x, work.inputs[l] + b * layer.image,
                            work.gradients[l] + b * layer.positions() * layer.width, work.weight_gradients[l]);
     });
   }
   report("norms, forward", 0, [&] {
-    for (int l = 0; l < kNorms; ++l)
+    for (int l = 0; l < geometry.norms(); ++l)
       normalize(batch, layers[l], work.outputs[l], work.gamma[l], work.beta[l], work.norm_scale[l],
                 work.inputs[l + 1]);
   });
   report("norms, backward", 0, [&] {
-    for (int l = 0; l < kNorms; ++l)
+    for (int l = 0; l < geometry.norms(); ++l)
       normalize_back(batch, layers[l], work.gradients[l], work.outputs[l], work.gamma[l], work.beta[l],
                      work.norm_scale[l], out.gamma, out.beta);
   });

@@ -5,8 +5,10 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
+from bpn_edge.factored import epsilon_greedy_joint_action, softmax_joint_action
 from bpn_edge.kernel import load
-from bpn_edge.policy import softmax_action, softmax_weights
+from bpn_edge.kernel.choice import choose_kernel, kernels_here
+from bpn_edge.policy import softmax_weights
 from bpn_shared.bnn.weights import Weights
 from bpn_shared.spec.config import RunConfig
 from bpn_shared.spec.observation import stack
@@ -21,7 +23,7 @@ class Policy:
     Args:
         config: of the run.
         weights: of the run.
-        kernel: an installed one, such as "golden"; None: the run's.
+        kernel: an installed one, such as "golden"; None: as an edge here would choose for the run.
 
     Raises:
         InputError: the kernel is not installed, or does not run such a policy.
@@ -35,8 +37,13 @@ class Policy:
         self.task: TaskSpec = config.task_spec
         self.weights = weights
         self._beta = config.beta
-        self._kernel = load(kernel or config.kernel)
+        network = config.algorithm_spec.network
+        self._kernel = load(kernel or choose_kernel(config.kernel, network, kernels_here()))
         self._kernel.load(weights)
+
+    @property
+    def _dims(self) -> tuple[int, ...]:
+        return self.weights.spec.action_dims
 
     @property
     def version(self) -> int:
@@ -78,13 +85,19 @@ class Policy:
     def probabilities(self, observation: Observation) -> npt.NDArray[np.float64]:
         """The softmax policy's pi(a | s) (the paper's Eq. 9), float64[|A|].
 
+        Of an action of several dimensions it is each dimension's own, side by side.
+
         Raises:
             ValueError: the observation has another dtype or shape.
         """
         outputs = self._kernel.run(observation)
-        weights = np.array(softmax_weights(outputs, self.weights.scale, self._beta))
-        probabilities: npt.NDArray[np.float64] = weights / weights.sum()
-        return probabilities
+        found, first = [], 0
+        for choices in self._dims:
+            own = outputs[first : first + choices]
+            weights = np.array(softmax_weights(own, self.weights.scale, self._beta))
+            found.append(weights / weights.sum())
+            first += choices
+        return np.concatenate(found)
 
     def act(self, observation: Observation, *, rng: np.random.Generator | None = None) -> int:
         """The best action, or with a generator one drawn from the softmax policy.
@@ -94,12 +107,13 @@ class Policy:
             rng: where to draw from, as training does.
 
         Returns:
-            The action's number; `task.action_names` says what it does.
+            The action's number; `task.action_names` says what it does, of an action of one dimension.
 
         Raises:
             ValueError: the observation has another dtype or shape.
         """
-        outputs = self._kernel.run(observation)
+        outputs, dims = self._kernel.run(observation), self._dims
         if rng is None:
-            return int(np.argmax(outputs))
-        return softmax_action(outputs, self.weights.scale, self._beta, float(rng.random()))
+            return epsilon_greedy_joint_action(outputs, dims, 0.0, [0.0] * len(dims))
+        uniforms = rng.random(len(dims)).tolist()
+        return softmax_joint_action(outputs, dims, self.weights.scale, self._beta, uniforms)

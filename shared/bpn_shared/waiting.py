@@ -6,7 +6,7 @@ import time
 log = logging.getLogger(__name__)
 
 
-class Waiting:
+class WaitStatus:
     """What a service waits for: logged once when it changes, and part of its health report."""
 
     def __init__(self) -> None:

@@ -11,7 +11,7 @@ from bpn_shared.bus.session import Bus
 from bpn_shared.counters import Counters
 from bpn_shared.messages.base import MessageError
 from bpn_shared.runtime.ask import ask
-from bpn_shared.waiting import Waiting
+from bpn_shared.waiting import WaitStatus
 
 OpenBus = Callable[[], Bus]
 KEY = "test/ask"
@@ -21,7 +21,7 @@ class Asking:
     """One who asks, on a thread of its own."""
 
     def __init__(self, bus: Bus, decode: Callable[[bytes], str] = bytes.decode) -> None:
-        self.stop, self.waiting = threading.Event(), Waiting()
+        self.stop, self.waiting = threading.Event(), WaitStatus()
         self.refusals: list[str] = []
         self.answers: list[str | None] = []
         self._bus, self._decode = bus, decode
@@ -97,7 +97,7 @@ def test_who_is_told_of_refusals_can_end_it(open_bus: OpenBus) -> None:
     responder = Responder(open_bus(), KEY, refuse, Counters())
     with pytest.raises(ValueError, match="never"):
         ask(
-            open_bus(), KEY, b"", bytes, stop=threading.Event(), waiting=Waiting(),
+            open_bus(), KEY, b"", bytes, stop=threading.Event(), waiting=WaitStatus(),
             waiting_for="an answer", on_refusal=give_up,
         )  # fmt: skip
     del responder

@@ -10,11 +10,11 @@ from bpn_shared.bus.liveliness import AliveToken, TokenWatch
 from bpn_shared.bus.sampled import SampledPublisher
 from bpn_shared.bus.session import Bus
 from bpn_shared.bus.telemetry import TelemetryPublisher, TelemetryWatch
-from bpn_shared.bus.watch import Watch
+from bpn_shared.bus.watch import Subscriber
 from bpn_shared.counters import Counters
 from bpn_shared.messages.telemetry import Telemetry
 from bpn_shared.runtime.telemetry import Latencies, Reporter, WeightsTimeline
-from bpn_shared.waiting import Waiting
+from bpn_shared.waiting import WaitStatus
 
 OpenBus = Callable[[], Bus]
 WaitFor = Callable[..., None]
@@ -30,20 +30,24 @@ def test_nothing_is_encoded_until_somebody_watches_and_after_they_left(
         return bytes([number]), b"header"
 
     publisher = SampledPublisher[int](open_bus(), "test/sampled", 1000.0, encode, Counters())
-    assert not publisher.watched
-    publisher.offer(1)
+    assert not publisher.has_subscribers
+    publisher.publish_latest(1)
     received: list[tuple[bytes, bytes]] = []
     watcher = open_bus()
-    watch = Watch(watcher, "test/sampled", lambda header, data: received.append((header, data)))
-    wait_for(lambda: publisher.watched, "the publisher to see that it is watched")
-    publisher.offer(2)
+    watch = Subscriber(
+        watcher, "test/sampled", lambda header, data: received.append((header, data))
+    )
+    wait_for(lambda: publisher.has_subscribers, "the publisher to see that it is watched")
+    publisher.publish_latest(2)
     wait_for(lambda: received == [(b"header", b"\x02")], "the item offered while watched")
     watch.close()
-    wait_for(lambda: not publisher.watched, "the publisher to see that nobody watches")
-    publisher.offer(3)
-    again = Watch(watcher, "test/sampled", lambda header, data: received.append((header, data)))
-    wait_for(lambda: publisher.watched, "the publisher to be watched again")
-    publisher.offer(4)
+    wait_for(lambda: not publisher.has_subscribers, "the publisher to see that nobody watches")
+    publisher.publish_latest(3)
+    again = Subscriber(
+        watcher, "test/sampled", lambda header, data: received.append((header, data))
+    )
+    wait_for(lambda: publisher.has_subscribers, "the publisher to be watched again")
+    publisher.publish_latest(4)
     wait_for(lambda: len(received) == 2, "the item offered after the return")
     assert encoded == [2, 4]
     again.close()
@@ -61,10 +65,10 @@ def test_what_cannot_be_encoded_is_counted_and_its_traceback_logged_once(
 
     counters, received = Counters(), []
     publisher = SampledPublisher[int](open_bus(), "test/sampled", 1000.0, encode, counters)
-    watch = Watch(open_bus(), "test/sampled", lambda _header, data: received.append(data))
-    wait_for(lambda: publisher.watched, "the publisher to see that it is watched")
+    watch = Subscriber(open_bus(), "test/sampled", lambda _header, data: received.append(data))
+    wait_for(lambda: publisher.has_subscribers, "the publisher to see that it is watched")
     for number in range(10):
-        publisher.offer(number)
+        publisher.publish_latest(number)
         seen = min(number + 1, 9)
         wait_for(
             lambda seen=seen: counters.snapshot().get("items_not_published") == seen, "the count"
@@ -87,16 +91,16 @@ def test_the_newest_is_published_at_the_rate_asked_for(
         lambda number: (number.to_bytes(4, "big"), None),
         Counters(),
     )
-    watch = Watch(
+    watch = Subscriber(
         open_bus(),
         "test/sampled",
         lambda _header, data: received.append(int.from_bytes(data, "big")),
     )
-    wait_for(lambda: publisher.watched, "the publisher to see that it is watched")
+    wait_for(lambda: publisher.has_subscribers, "the publisher to see that it is watched")
     start_s, offered = time.monotonic(), 0
     while time.monotonic() - start_s < 0.5:
         offered += 1
-        publisher.offer(offered)
+        publisher.publish_latest(offered)
     elapsed_s = time.monotonic() - start_s
     wait_for(lambda: received and received[-1] == offered, "the last item")
     assert received == sorted(received)
@@ -116,7 +120,7 @@ def test_telemetry_of_every_service_reaches_the_watcher(
     for name in ("edge-1", "edge-2"):
         bus = open_bus()
         reporter = Reporter(
-            "edge", name, lambda: (None, None), bus.traffic, waiting=Waiting(),
+            "edge", name, lambda: (None, None), bus.traffic, waiting=WaitStatus(),
             counters=told, latencies=Latencies(), weights=WeightsTimeline(),
         )  # fmt: skip
         publishers.append(TelemetryPublisher(bus, "edge", name, reporter.report, Counters()))

@@ -21,7 +21,7 @@ from bpn_shared.bus.telemetry import TelemetryPublisher
 from bpn_shared.counters import Counters
 from bpn_shared.messages.decision import Decision
 from bpn_shared.runtime.telemetry import Latencies, Reporter, WeightsTimeline
-from bpn_shared.waiting import Waiting
+from bpn_shared.waiting import WaitStatus
 
 
 def test_the_server_says_who_it_is_and_what_time(tab: Callable[..., Tab]) -> None:
@@ -90,19 +90,19 @@ def test_a_slot_is_watched_once_for_all_and_only_while_somebody_looks(
         open_bus(), keys.preview(RUN, 0), 30.0, lambda _step: (b"", None), Counters()
     )
     first, second = tab(), tab()
-    assert not robot.watched
+    assert not robot.has_subscribers
     one = first.subscribe(CAMERA)
     two = first.subscribe(CAMERA)
     second.subscribe(CAMERA)
-    wait_for(lambda: robot.watched, "the robot to be watched")
+    wait_for(lambda: robot.has_subscribers, "the robot to be watched")
     wait_for(lambda: server.view._open[topics.Topic.parse(CAMERA)].subscribers == 3, "all three")
     first.say(op="unsub", id=one)
     first.say(op="unsub", id=two)
     first.say(op="unsub", id=two)  # once more is no harm
     assert first.silent()
-    assert robot.watched
+    assert robot.has_subscribers
     second.close()
-    wait_for(lambda: not robot.watched, "the robot to be left alone")
+    wait_for(lambda: not robot.has_subscribers, "the robot to be left alone")
     assert CAMERA not in server.view.open_topics
     wait_for(lambda: server.view.clients == 1, "the closed tab to be forgotten")
     robot.close()
@@ -228,7 +228,7 @@ def test_logs_are_told_from_their_tail_and_followed(
 def test_topology_follows_a_service_from_birth_to_death(
     tab: Callable[..., Tab], open_bus: OpenBus
 ) -> None:
-    page, bus, waiting = tab(), open_bus(), Waiting()
+    page, bus, waiting = tab(), open_bus(), WaitStatus()
     waiting.set("a frame from robot 0")
     reporter = Reporter(
         "edge", "edge-1", lambda: (RUN, 0), bus.traffic, waiting=waiting,

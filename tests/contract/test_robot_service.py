@@ -20,7 +20,7 @@ from bpn_shared.messages.control import Reset, ResetReply
 from bpn_shared.messages.frame import NO_ACTION, FrameHeader, FrameKind, decode_frame
 from bpn_shared.runtime.ask import ask
 from bpn_shared.spec.config import RunConfig
-from bpn_shared.waiting import Waiting
+from bpn_shared.waiting import WaitStatus
 
 LOCKSTEP = RunConfig.for_task("reaching", hidden_units=16, steps=3)
 REALTIME = RunConfig.for_task("tracking", hidden_units=16, steps=4, pacing="realtime")
@@ -46,7 +46,7 @@ class EdgeSide:
         body = Reset(iteration=2, episode=episode, seed=seed, reset_id=reset_id).encode()
         reply = ask(
             self._bus, keys.reset(RUN, 0), body, ResetReply.decode, stop=threading.Event(),
-            waiting=Waiting(), waiting_for="the robot", on_refusal=pytest.fail,
+            waiting=WaitStatus(), waiting_for="the robot", on_refusal=pytest.fail,
         )  # fmt: skip
         assert reply == ResetReply(reset_id=reset_id)
 

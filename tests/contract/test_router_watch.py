@@ -16,7 +16,7 @@ from logged import lines
 from bpn_shared.bus.router_watch import RouterLostError, RouterWatch
 from bpn_shared.bus.session import Bus
 from bpn_shared.counters import Counters
-from bpn_shared.waiting import Waiting
+from bpn_shared.waiting import WaitStatus
 
 WaitFor = Callable[..., None]
 RunningRouter = Callable[[str], contextlib.AbstractContextManager[None]]
@@ -27,7 +27,7 @@ class Watched:
     """A session, and what its watch tells."""
 
     def __init__(self, bus: Bus) -> None:
-        self.waiting, self.counters = Waiting(), Counters()
+        self.waiting, self.counters = WaitStatus(), Counters()
         self.watch = RouterWatch(
             bus, self.waiting, self.counters, period_s=PERIOD_S, say_after_s=3 * PERIOD_S
         )
@@ -63,7 +63,7 @@ def test_lost_and_back_are_one_line_each_however_long_it_takes(
 
 
 def test_a_wait_that_was_there_before_is_there_after() -> None:
-    waiting = Waiting()
+    waiting = WaitStatus()
     waiting.set("an episode")
     waiting.obstruct("the router")
     assert waiting.snapshot()[0] == "the router"
@@ -113,10 +113,10 @@ import sys, threading
 from bpn_shared.bus.router_watch import RouterLostError, RouterWatch
 from bpn_shared.bus.session import Bus
 from bpn_shared.counters import Counters
-from bpn_shared.waiting import Waiting
+from bpn_shared.waiting import WaitStatus
 
 stop = threading.Event()
-with Bus(sys.argv[1]) as bus, RouterWatch(bus, Waiting(), Counters(), period_s=0.1) as watch:
+with Bus(sys.argv[1]) as bus, RouterWatch(bus, WaitStatus(), Counters(), period_s=0.1) as watch:
     try:
         with watch.holding_for(float(sys.argv[2]), stop):
             print("working", flush=True)

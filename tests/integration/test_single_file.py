@@ -29,7 +29,7 @@ SMALL = [
 def test_it_learns_the_plain_engines_weights(
     task: str, train: Callable[..., dict[str, Any]], tmp_path: Path
 ) -> None:
-    train(task, *SMALL, "--seed", "4", "--engine", "plain", runs_dir=tmp_path)
+    train(task, *SMALL, "--seed", "4", "--backend", "torch", runs_dir=tmp_path)
     (path,) = (path.parent for path in tmp_path.glob("*/config.json"))
     expected = [record["weights_sha256"] for record in RunFolder(path).metrics()]
     done = subprocess.run(

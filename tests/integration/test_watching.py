@@ -16,7 +16,7 @@ from bpn_shared.bus import keys
 from bpn_shared.bus.liveliness import TokenWatch
 from bpn_shared.bus.session import Bus
 from bpn_shared.bus.telemetry import TelemetryWatch
-from bpn_shared.bus.watch import Watch
+from bpn_shared.bus.watch import Subscriber
 from bpn_shared.counters import Counters
 from bpn_shared.messages.decision import Decision
 from bpn_shared.messages.preview import PreviewHeader, check_pixels
@@ -45,8 +45,10 @@ def watched(
     try:
         with Bus(endpoint) as bus:
             watches = [
-                Watch(bus, keys.preview(folder.run, 0), lambda *m: seen["previews"].append(m)),
-                Watch(bus, keys.decision(folder.run, 0), lambda *m: seen["decisions"].append(m)),
+                Subscriber(bus, keys.preview(folder.run, 0), lambda *m: seen["previews"].append(m)),
+                Subscriber(
+                    bus, keys.decision(folder.run, 0), lambda *m: seen["decisions"].append(m)
+                ),
                 TelemetryWatch(bus, hear, counters),
                 TokenWatch(bus, keys.live("*", "*"), topology.token),
             ]

@@ -1,8 +1,9 @@
 """How many random faults in the core's RTL the tests notice: `python -m tests.rtl.mutants --sample 300 --seed 1`.
 
-A mutant differs in one place: an operator, a constant, a condition, an assignment left out. One that does not build is none.
-Each is made into a model of its own and goes through a short version of the suite: networks of several sizes by every
-layer, frames with swaps while they run, refusals. Those that live are listed. Goes on where it was.
+A mutant differs in one place: an operator, a constant, a condition, an assignment left out. One that does not
+build is none. Each is made into a model of its own and goes through a short version of the suite: networks of
+several sizes by every layer, frames with swaps while they run, refusals. Those that live are listed. Goes on
+where it was.
 """
 
 import argparse

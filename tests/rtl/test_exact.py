@@ -28,11 +28,11 @@ def test_with_gaps_everywhere(core: SimulatedCore, scale: int) -> None:
     check_kernel(DeviceBank("rtl", Device(core)), networks=4 * scale, seed=7, largest=LARGEST)
 
 
-@pytest.mark.parametrize("nodes", [1, 15, 16, 17, 32, 33, 100, 255, 256])
-def test_sizes_at_the_engines_seams(device: Device, nodes: int) -> None:
-    rng = np.random.default_rng(nodes)
+@pytest.mark.parametrize("hidden_units", [1, 15, 16, 17, 32, 33, 100, 255, 256])
+def test_sizes_at_the_engines_seams(device: Device, hidden_units: int) -> None:
+    rng = np.random.default_rng(hidden_units)
     for channels, actions in ((1, 2), (6, 17), (3, 64)):
-        spec = NetworkSpec(channels, nodes, actions)
+        spec = NetworkSpec(channels, hidden_units, actions)
         assert_exact(
             DeviceBank("rtl", device), WeightBlob.random(spec, rng), make_image("random", spec, rng)
         )

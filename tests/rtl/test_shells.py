@@ -77,12 +77,15 @@ def test_the_serial_line_says_what_is_refused(line: SimulatedLine) -> None:
     assert core.read(registers.BANK_CRC) == words[-1]
 
 
-def test_a_line_that_is_silent_is_said_to_be() -> None:
+def test_a_line_that_is_silent_is_said_to_be(monkeypatch: pytest.MonkeyPatch) -> None:
     ours, theirs = pty.openpty()
     line = Tty(os.ttyname(theirs))
     try:
         with pytest.raises(DeviceError, match="0 of 5 bytes: is its bitstream loaded"):
             SerialCore(line).read(registers.IDENTITY)
+        monkeypatch.setenv(connected.WHERE, os.ttyname(theirs))
+        with pytest.raises(ConfigError, match="kernel 'fpga': the core at the line answers 0 of 5"):
+            load("fpga")
     finally:
         line.close()
         os.close(ours)
@@ -113,6 +116,18 @@ def test_what_is_mapped_has_to_be_this_core(
     registers_file.write_bytes(bytes(4096))
     monkeypatch.setenv(connected.WHERE, str(registers_file))
     with pytest.raises(ConfigError, match="identity 0x00000000, this driver's is 0x42500001"):
+        load("fpga")
+
+
+def test_a_core_of_impossible_sizes_is_refused(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    registers_file = tmp_path / "registers"
+    words = np.zeros(1024, "<u4")
+    words[registers.IDENTITY // 4] = 0x4250_0001
+    registers_file.write_bytes(words.tobytes())
+    monkeypatch.setenv(connected.WHERE, str(registers_file))
+    with pytest.raises(ConfigError, match="built for what no core is: pixel_bytes = 0"):
         load("fpga")
 
 

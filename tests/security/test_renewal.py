@@ -28,7 +28,7 @@ from bpn_shared.bus.session import Bus
 from bpn_shared.bus.x509 import facts_of
 from bpn_shared.counters import Counters
 from bpn_shared.runtime.ask import ask
-from bpn_shared.waiting import Waiting
+from bpn_shared.waiting import WaitStatus
 
 WaitFor = Callable[..., None]
 LIFE_S = 24.0
@@ -69,7 +69,7 @@ def test_certificates_renewed_in_time_are_used_and_nothing_is_lost(
                     nonlocal answered
                     answer = ask(
                         asking, KEY_OF_CONTROL, b"1", bytes, stop=threading.Event(),
-                        waiting=Waiting(), waiting_for="an answer", on_refusal=pytest.fail,
+                        waiting=WaitStatus(), waiting_for="an answer", on_refusal=pytest.fail,
                         timeout_s=1.0, backoff=Backoff(0.1, 0.1),
                     )  # fmt: skip
                     answered += answer == b"1"
@@ -104,26 +104,27 @@ def test_a_router_whose_certificates_are_not_renewed_is_not_ready_and_says_why(
     tmp_path: Path, free_tcp_port: Callable[[], int], monkeypatch: pytest.MonkeyPatch,
     wait_for: WaitFor, caplog: pytest.LogCaptureFixture,
 ) -> None:  # fmt: skip
-    make(tmp_path, days=seconds(8), server_names=["localhost"])
+    make(tmp_path, days=seconds(15), server_names=["localhost"])
     make(tmp_path / "lasting", days=1, server_names=["localhost"])
     endpoint = f"tls/localhost:{free_tcp_port()}"
     heartbeat = tmp_path / "heartbeat"
     monkeypatch.setenv("BPN_HEARTBEAT", str(heartbeat))
-    router = subprocess.Popen(
-        [
-            *(sys.executable, "-m", "bpn_shared.bus.router", "--listen", endpoint),
-            *("--certificates", str(tmp_path / "router")),
-        ],
-        stderr=subprocess.PIPE,
-        text=True,
-    )
+    said = tmp_path / "said"
+    with said.open("w") as log:
+        router = subprocess.Popen(
+            [
+                *(sys.executable, "-m", "bpn_shared.bus.router", "--listen", endpoint),
+                *("--certificates", str(tmp_path / "router")),
+            ],
+            stderr=log,
+        )
     monkeypatch.delenv("BPN_HEARTBEAT")
     monkeypatch.setenv(FOLDER_VARIABLE, str(tmp_path / "edge"))
     ready = heartbeat.with_name("heartbeat.ready")
     try:
-        with Bus(endpoint, deadline_s=8.0) as bus:
+        with Bus(endpoint, deadline_s=15.0) as bus:
             wait_for(ready.exists, "it to be ready")
-            waiting = Waiting()
+            waiting = WaitStatus()
             with RouterWatch(bus, waiting, Counters(), period_s=0.1, say_after_s=0.5):
                 wait_for(lambda: "expired" in (waiting.snapshot()[0] or ""), "the reason")
         assert "our certificate" in caplog.text
@@ -135,10 +136,11 @@ def test_a_router_whose_certificates_are_not_renewed_is_not_ready_and_says_why(
 
         wait_for(stays_as_it_is, "it to be no longer ready", 30)
         assert heartbeat.read_text() > ready.read_text()
+        expired = f"ERROR certificate {tmp_path / 'router' / CERTIFICATE} expired 20"
+        wait_for(lambda: expired in said.read_text(), "the router to say why")
     finally:
         router.terminate()
-        _, said = router.communicate(timeout=20)
-    assert f"ERROR certificate {tmp_path / 'router' / CERTIFICATE} expired 20" in said
+        router.wait(20)
 
 
 def test_the_end_is_announced_once_a_day_and_from_then_on_once_an_hour(

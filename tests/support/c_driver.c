@@ -1,5 +1,5 @@
-/* Reads observations from standard input until its end; of each it writes every layer's sums and the best action, as
- * little-endian int32. The exported policy stands before it. */
+/* Reads observations from standard input until its end; of each it writes every layer's sums and the best choice of
+ * each dimension, as little-endian int32. The exported policy stands before it. */
 #include <stdio.h>
 
 static void put(int32_t value) {
@@ -16,9 +16,10 @@ void bpn_trace(int layer, int32_t sum) {
 int main(void) {
     static uint8_t observation[BPN_CHANNELS * BPN_ROWS * BPN_COLUMNS];
     int32_t outputs[BPN_ACTIONS];
+    int dimension;
     while (fread(observation, 1, sizeof observation, stdin) == sizeof observation) {
         bpn_infer(observation, outputs);
-        put(bpn_best(outputs));
+        for (dimension = 0; dimension < BPN_DIMENSIONS; ++dimension) put(bpn_best(outputs, dimension));
     }
     return 0;
 }

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import orjson
 import torch
+from older_blobs import dense
 from paper import TASKS
 from pydantic import ValidationError
 
@@ -57,11 +58,14 @@ from bpn_shared.runs.digests import DamagedError, seal, seal_line
 from bpn_shared.runs.lines import read_line
 from bpn_shared.runs.state import RunState, decode_state, encode_state
 from bpn_shared.spec.config import ConfigError, RunConfig
-from bpn_shared.spec.network import NetworkSpec
+from bpn_shared.spec.network import Convolution, NetworkSpec
 
 RUN = "0198c0de-0000-7000-8000-000000000001"
 TASK = TASKS["reaching"]
 SPEC = NetworkSpec(1, 8, 4)
+OTHER_SPEC = NetworkSpec(
+    2, 9, 6, convolutions=(Convolution(5, 3, 11),), image_px=12, action_dims=(2, 4)
+)
 
 
 @dataclass(frozen=True)
@@ -183,7 +187,13 @@ def _log_line(data: bytes) -> None:
 def decoders() -> list[Decoder]:
     """All of them; what they need is made when this is called."""
     policy = _float_policy()
-    blob = WeightBlob.random(SPEC, np.random.default_rng(0)).encode()
+    blobs = [
+        *(
+            WeightBlob.random(spec, np.random.default_rng(0)).encode()
+            for spec in (SPEC, OTHER_SPEC)
+        ),
+        dense(WeightBlob.random(SPEC, np.random.default_rng(0))),
+    ]
     frame = FrameHeader(FrameKind.MID, 1, 2, 3, 4, 5).encode()
     pixels = bytes(int(np.prod(TASK.frame_shape)))
     config = RunConfig.for_task("reaching")
@@ -219,7 +229,7 @@ def decoders() -> list[Decoder]:
         Decoder("episode", lambda d: Episode.decode(d, TASK), [_episode(np.int32), _episode(np.float32)],
                 (MessageError,)),
         Decoder("episode's head", decode_meta, [_episode(np.int32)], (MessageError,)),
-        Decoder("weights", _run_weights, [blob, policy.encode()], (BlobError,), _with_sha256),
+        Decoder("weights", _run_weights, [*blobs, policy.encode()], (BlobError,), _with_sha256),
         Decoder("ONNX", lambda d: admit(d, SPEC), [policy.model], (BlobError,)),
         Decoder("config.json", lambda d: decode_config(d, source="x"), [encode_config(config)],
                 (ConfigError,), _resealed(seal)),

@@ -11,12 +11,12 @@ from bpn_learner.ledger import EpisodeLedger
 from bpn_shared.counters import Counters
 from bpn_shared.messages.control import NextEpisode
 from bpn_shared.runs.ownership import Ownership
-from bpn_shared.waiting import Waiting
+from bpn_shared.waiting import WaitStatus
 
 
 def make(owner: Ownership, alive: set[str] | None = None, **changes: Any) -> EpisodeLedger:
     config = CONFIG.model_copy(update=changes)
-    return EpisodeLedger(config, owner, alive or set(), Waiting(), Counters())
+    return EpisodeLedger(config, owner, alive or set(), WaitStatus(), Counters())
 
 
 def ask(ledger: EpisodeLedger, slot: int, worker: str | None = None) -> tuple[str, int]:

@@ -15,7 +15,7 @@ from bpn_shared.counters import Counters
 from bpn_shared.messages.control import NextEpisode
 from bpn_shared.runs.folder import RunFolder
 from bpn_shared.spec.config import RunConfig
-from bpn_shared.waiting import Waiting
+from bpn_shared.waiting import WaitStatus
 
 SETTINGS: dict[str, Any] = {
     "iterations": 6, "replay_iterations": 2, "epochs": 3, "alpha": 0.7, "beta": 2.0, "gamma": 0.8,
@@ -84,10 +84,10 @@ def train(
     with folder.owned("learner-1") as owner:
         owner.begin_attempt()
         config = folder.config()
-        ledger = EpisodeLedger(config, owner, {"edge-0"}, Waiting(), Counters())
+        ledger = EpisodeLedger(config, owner, {"edge-0"}, WaitStatus(), Counters())
         training = Training(
             config, owner, ledger, publish=edge.publish, report=report, rendezvous=rendezvous,
-            waiting=Waiting(), stop=stop,
+            waiting=WaitStatus(), stop=stop,
         )  # fmt: skip
         with edge.at(ledger):
             assert training.run() == (stop_after is None)

@@ -44,7 +44,7 @@ def add_options(parser: argparse.ArgumentParser, _arguments: Sequence[str]) -> N
     explore.set_defaults(run=run_explore)
     for sub in (build, explore):
         sub.add_argument(
-            "--nodes", type=int, default=256, help="the largest N that it runs (default 256)"
+            "--hidden-units", type=int, default=256, help="the largest N that it runs (default 256)"
         )
     for sub in (build, show, explore):
         sub.add_argument(
@@ -58,7 +58,7 @@ def add_options(parser: argparse.ArgumentParser, _arguments: Sequence[str]) -> N
 
 def run_build(options: argparse.Namespace) -> int:
     """Makes what `--target` says."""
-    build = _build(nodes=options.nodes)
+    build = _build(hidden_units=options.hidden_units)
     where = options.out / options.target
     where.mkdir(parents=True, exist_ok=True)
     if options.target == "ulx3s-85f":
@@ -92,7 +92,7 @@ def run_explore(options: argparse.Namespace) -> int:
     """Simulates and synthesizes each folding, and shows them side by side."""
     spec, rows = _network(options.network), []
     for pixel_bytes in (1, 2, 4, 8, 16):
-        build = _build(nodes=options.nodes, pixel_bytes=pixel_bytes)
+        build = _build(hidden_units=options.hidden_units, pixel_bytes=pixel_bytes)
         measured = clocks.measure(build, spec)
         where = options.out / f"explore-{pixel_bytes}"
         where.mkdir(parents=True, exist_ok=True)
@@ -118,16 +118,16 @@ def run_explore(options: argparse.Namespace) -> int:
     return 0
 
 
-def _build(*, nodes: int, pixel_bytes: int = 4) -> Build:
+def _build(*, hidden_units: int, pixel_bytes: int = 4) -> Build:
     try:
-        return Build(pixel_bytes=pixel_bytes, hidden_units=nodes)
+        return Build(pixel_bytes=pixel_bytes, hidden_units=hidden_units)
     except ValueError as error:
         raise InputError(str(error)) from error
 
 
 def _network(text: str) -> NetworkSpec:
     try:
-        channels, nodes, actions = (int(size) for size in text.split(","))
-        return NetworkSpec(channels, nodes, actions)
+        channels, hidden_units, actions = (int(size) for size in text.split(","))
+        return NetworkSpec(channels, hidden_units, actions)
     except ValueError as error:
         raise InputError(f"--network {text}: C,N,|A| such as 6,100,17; {error}") from error

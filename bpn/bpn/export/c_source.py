@@ -29,6 +29,7 @@ def c_source(blob: WeightBlob, task: TaskSpec) -> str:
     parts = {
         "SIZES": "\n".join(_sizes(blob)),
         "ACTIONS": _listed(map(_quoted, task.action_names), per_line=1),
+        "CHOICES": _listed(map(str, blob.spec.action_dims)),
         "WEIGHTS": "\n".join(
             text
             for index, layer in enumerate(layers)
@@ -62,6 +63,7 @@ def _sizes(blob: WeightBlob) -> Iterator[str]:
         "ROWS": rows,
         "COLUMNS": columns,
         "ACTIONS": spec.actions,
+        "DIMENSIONS": len(spec.action_dims),
         "LAYERS": len(layers),
         "MOST_PIXELS": layers[0].fan_in,
         "MOST_PATCH_WORDS": max(_words(layer.fan_in) for layer in layers),

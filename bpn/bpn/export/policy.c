@@ -3,17 +3,18 @@
 @ABOUT@
  *
  *     void bpn_infer(const uint8_t observation[BPN_CHANNELS * BPN_ROWS * BPN_COLUMNS], int32_t outputs[BPN_ACTIONS]);
- *     int bpn_best(const int32_t outputs[BPN_ACTIONS]);
+ *     int bpn_best(const int32_t outputs[BPN_ACTIONS], int dimension);
  *
- * The greedy action is bpn_best(outputs); P(s, a) is bpn_scale * outputs[a]. One inference at a time: the
- * activations are in static memory. Nothing is allocated.
+ * The greedy action is bpn_best(outputs, 0); of an action of several dimensions it is the best choice of each of them,
+ * whose outputs stand side by side. P(s, a) is bpn_scale * outputs[a]. One inference at a time: the activations are
+ * in static memory. Nothing is allocated.
  */
 #include <stdint.h>
 
 /*@SIZES@*/
 
 void bpn_infer(const uint8_t *observation, int32_t *outputs);
-int bpn_best(const int32_t *outputs);
+int bpn_best(const int32_t *outputs, int dimension);
 extern const char *const bpn_action_names[BPN_ACTIONS];
 extern const float bpn_scale;
 
@@ -33,6 +34,11 @@ const char *const bpn_action_names[BPN_ACTIONS] = {
 /* Bit 1 is +1, least significant bit first; a row for each output, in the order kernel row, kernel column, input
  * channel, padded with zeros to whole words. */
 /*@WEIGHTS@*/
+
+/* Of each dimension of an action. */
+static const int bpn_choices[BPN_DIMENSIONS] = {
+/*@CHOICES@*/
+};
 
 typedef struct {
     int32_t in_size, in_channels, kernel, stride, out_channels, out_size, fan_in, words;
@@ -141,9 +147,10 @@ void bpn_infer(const uint8_t *observation, int32_t *outputs) {
     }
 }
 
-int bpn_best(const int32_t *outputs) {
-    int action, best = 0;
-    for (action = 1; action < BPN_ACTIONS; ++action)
-        if (outputs[action] > outputs[best]) best = action;
+int bpn_best(const int32_t *outputs, int dimension) {
+    int before, choice, best = 0;
+    for (before = 0; before < dimension; ++before) outputs += bpn_choices[before];
+    for (choice = 1; choice < bpn_choices[dimension]; ++choice)
+        if (outputs[choice] > outputs[best]) best = choice;
     return best;
 }

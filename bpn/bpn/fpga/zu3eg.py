@@ -105,7 +105,8 @@ def component(files: list[str], build: Build) -> bytes:
         f"Binarized policy, {8 * build.pixel_bytes} bits of pixels a clock, N <= {build.hidden_units}",
     )
     ET.indent(root)
-    return ET.tostring(root, encoding="UTF-8", xml_declaration=True)
+    text: bytes = ET.tostring(root, encoding="UTF-8", xml_declaration=True)
+    return text
 
 
 def _bus(

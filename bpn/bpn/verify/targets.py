@@ -18,7 +18,7 @@ class Played:
     """An episode as data.
 
     Attributes:
-        seen: s_0..s_T, uint8[T+1, C, 84, 84].
+        seen: s_0..s_T, uint8[T+1, C, h, w].
         actions: int64[T].
         rewards: float64[T], unscaled.
         terminal: the last observation is the task's end, not a time limit.
@@ -37,7 +37,7 @@ class Targets:
     """What one update fits.
 
     Attributes:
-        seen: s of every transition of D in order, uint8[n, 84, 84, C].
+        seen: s of every transition of D in order, uint8[n, h, w, C].
         actions: int64[n].
         y: float32[n].
         offset: c, what all preferences lack that are fitted to y (relative targets).

@@ -26,7 +26,7 @@ from bpn_shared.bus.session import Bus, BusError
 from bpn_shared.messages.lease import LeaseRequest
 from bpn_shared.runtime.service import new_worker_id
 from bpn_shared.spec.config import ConfigError
-from bpn_shared.waiting import Waiting
+from bpn_shared.waiting import WaitStatus
 
 log = logging.getLogger(__name__)
 
@@ -169,7 +169,7 @@ async def _joined(
         name = new_worker_id(presence.KIND)
         live.hub = Hub(bus, options.runs_dir, context.counters, name, live.topology)
         stack.callback(live.hub.close)
-        waiting = Waiting()
+        waiting = WaitStatus()
         watch = RouterWatch(bus, waiting, context.counters, certificates=False)  # told elsewhere
         stack.push_async_callback(asyncio.to_thread, watch.close)
         present = presence.Presence(bus, name, context.counters, waiting)

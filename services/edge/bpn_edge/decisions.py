@@ -34,8 +34,8 @@ class DecisionFeed:
 
     def note(self, assignment: Assignment, action: Action, outputs: Outputs) -> None:
         """Takes a decision whose action has been sent."""
-        if self._publisher.watched:
-            self._publisher.offer((assignment, action, outputs, time.time_ns()))
+        if self._publisher.has_subscribers:
+            self._publisher.publish_latest((assignment, action, outputs, time.time_ns()))
 
     def _encode(self, noted: _Noted) -> tuple[bytes, None]:
         assignment, action, outputs, time_ns = noted

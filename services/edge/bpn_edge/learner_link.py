@@ -25,7 +25,7 @@ class Pace:
         pause_s, self._pause_s = self._pause_s, min(2 * self._pause_s, LATEST_S)
         return pause_s
 
-    def quicken(self) -> None:
+    def reset(self) -> None:
         """There is news: the answer is probably another one soon."""
         self._pause_s = SOONEST_S
 

@@ -52,7 +52,7 @@ def serve(worker: Worker, config: RunConfig, kernels: Sequence[str] = ()) -> int
 
     def take(weights: Weights) -> None:
         if memory.offer(weights):
-            worker.weights.note("loaded", weights)
+            worker.weights.record("loaded", weights)
 
     subscriber = WeightsSubscriber(
         worker.bus,
@@ -85,9 +85,9 @@ def serve(worker: Worker, config: RunConfig, kernels: Sequence[str] = ()) -> int
                 learner.deliver()
                 worker.waiting.set(assignment.reason)
                 if memory.wait_newer(newest, pace.next_pause_s()):  # the update is done
-                    pace.quicken()
+                    pace.reset()
                 continue
-            pace.quicken()
+            pace.reset()
             at = assignment.iteration, assignment.episode
             version, attempt = assignment.weights_version, assignment.weights_attempt
             if not memory.activate(version, _WEIGHTS_TIMEOUT_S, attempt=attempt):
@@ -100,7 +100,7 @@ def serve(worker: Worker, config: RunConfig, kernels: Sequence[str] = ()) -> int
                 continue
             worker.waiting.done()
             assert memory.weights is not None  # activate() said so
-            worker.weights.note("running", memory.weights)
+            worker.weights.record("running", memory.weights)
             feed.scale = memory.weights.scale
             try:
                 choose = action_selector(config, assignment, memory.weights.scale)

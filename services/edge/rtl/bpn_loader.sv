@@ -50,7 +50,7 @@ module bpn_loader (
   wire [7:0] actions = s_tdata[15:8];
   wire [15:0] nodes = s_tdata[31:16];
   wire sizes_fit = channels != '0 && channels <= 5'(bpn::MAX_CHANNELS) && s_tdata[6:5] == '0
-      && actions >= 8'd2 && actions <= 8'(bpn::MAX_ACTIONS) && nodes != '0 && nodes <= 16'(bpn::MAX_NODES)
+      && actions >= 8'd2 && actions <= 8'(bpn::MAX_ACTIONS) && nodes != '0 && nodes <= 16'(bpn::MAX_HIDDEN_UNITS)
       && !selected[s_tdata[7]];
   wire nodes_left = nodes[3:0] != 4'd0;  // beyond whole groups of sixteen
   wire actions_left = actions[3:0] != 4'd0;

@@ -19,7 +19,7 @@ from bpn_shared.messages.control import (
 from bpn_shared.messages.episode import decode_meta
 from bpn_shared.runs.success import success_of
 from bpn_shared.spec.config import RunConfig
-from bpn_shared.waiting import Waiting
+from bpn_shared.waiting import WaitStatus
 
 STREAM = 2**32 - 1
 """Stands where seeds have the iteration: neither the training has it, nor `bpn eval`."""
@@ -36,7 +36,7 @@ class Evaluations:
         self,
         config: RunConfig,
         alive: Container[str],
-        waiting: Waiting,
+        waiting: WaitStatus,
         *,
         prove: Callable[[], object],
     ) -> None:

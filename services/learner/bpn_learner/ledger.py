@@ -29,7 +29,7 @@ from bpn_shared.runs.lock import OwnershipLostError
 from bpn_shared.runs.ownership import Ownership
 from bpn_shared.spec.config import RunConfig
 from bpn_shared.spec.seeds import episode_seed
-from bpn_shared.waiting import Waiting
+from bpn_shared.waiting import WaitStatus
 
 log = logging.getLogger(__name__)
 
@@ -53,7 +53,7 @@ class EpisodeLedger:
         config: RunConfig,
         owner: Ownership,
         alive: Container[str],
-        waiting: Waiting,
+        waiting: WaitStatus,
         counters: Counters,
     ) -> None:
         self._config, self._owner, self._alive = config, owner, alive

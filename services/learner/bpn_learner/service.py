@@ -133,7 +133,7 @@ def _train(worker: Worker, owner: Ownership) -> None:
 
     def publish(released: Weights) -> None:
         # Noted before it is sent: an edge may have loaded it while we still send.
-        worker.weights.note("published", released)
+        worker.weights.record("published", released)
         weights.publish(released)
 
     metrics = MetricsPublisher(worker.bus, worker.run, "learner", worker.id)

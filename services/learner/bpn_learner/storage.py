@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable
 
 from bpn_shared.backoff import Backoff
-from bpn_shared.waiting import Waiting
+from bpn_shared.waiting import WaitStatus
 
 GIVE_UP_S = 600.0
 
@@ -30,7 +30,7 @@ def insist(
     what: str,
     write: Callable[[], object],
     *,
-    waiting: Waiting,
+    waiting: WaitStatus,
     stop: threading.Event,
     give_up_s: float = GIVE_UP_S,
     backoff: Backoff | None = None,

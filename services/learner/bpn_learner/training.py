@@ -35,7 +35,7 @@ from bpn_shared.runs.ownership import Ownership
 from bpn_shared.runs.success import share, success_of
 from bpn_shared.spec.config import RunConfig
 from bpn_shared.spec.seeds import shuffle_generator
-from bpn_shared.waiting import Waiting
+from bpn_shared.waiting import WaitStatus
 
 log = logging.getLogger(__name__)
 
@@ -72,7 +72,7 @@ class Training:
         publish: Callable[[Weights], None],
         report: Report,
         rendezvous: Rendezvous | None,
-        waiting: Waiting,
+        waiting: WaitStatus,
         stop: threading.Event,
         evaluations: Evaluations | None = None,
         counters: Counters | None = None,

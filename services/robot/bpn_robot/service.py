@@ -271,8 +271,8 @@ class RobotService:
 
     def _send(self, header: FrameHeader, pixels: bytes) -> None:
         self._frames.put(pixels, header.encode())
-        if self._previews.watched:
-            self._previews.offer((header, self._observed()))
+        if self._previews.has_subscribers:
+            self._previews.publish_latest((header, self._observed()))
 
     def _observed(self) -> tuple[bytes, ...]:
         """The frames of the newest observation, as the network sees them."""

@@ -14,7 +14,7 @@ from bpn_shared.bus.session import Bus, BusError
 from bpn_shared.bus.x509 import Life
 from bpn_shared.closing import Closing
 from bpn_shared.counters import Counters
-from bpn_shared.waiting import Waiting
+from bpn_shared.waiting import WaitStatus
 
 log = logging.getLogger(__name__)
 
@@ -75,7 +75,7 @@ class RouterWatch(Closing):
     def __init__(
         self,
         bus: Bus,
-        waiting: Waiting,
+        waiting: WaitStatus,
         counters: Counters,
         *,
         period_s: float = PERIOD_S,

@@ -29,7 +29,7 @@ class SampledPublisher(Generic[Item]):
         counters: `items_not_published` is counted here.
 
     Attributes:
-        watched: whether anybody subscribes; no use offering otherwise.
+        has_subscribers: whether anybody subscribes; no use offering otherwise.
     """
 
     def __init__(
@@ -45,22 +45,22 @@ class SampledPublisher(Generic[Item]):
             congestion_control=zenoh.CongestionControl.DROP,
             priority=zenoh.Priority.BACKGROUND,
         )
-        self.watched = False
+        self.has_subscribers = False
         self._listener = self._publisher.declare_matching_listener(
             zenoh.handlers.Callback(self._changed, indirect=False)
         )
         # `matching_status` is an object that is always true; what counts is its `matching`
-        self.watched = bool(self._publisher.matching_status.matching)  # type: ignore[attr-defined]
+        self.has_subscribers = bool(self._publisher.matching_status.matching)  # type: ignore[attr-defined]
         self._thread = threading.Thread(target=self._publish, name=f"sampled {key}", daemon=True)
         self._thread.start()
         bus.before_close(self.close)
 
     def _changed(self, status: "zenoh.MatchingStatus") -> None:
-        self.watched = bool(status.matching)
+        self.has_subscribers = bool(status.matching)
 
-    def offer(self, item: Item) -> None:
+    def publish_latest(self, item: Item) -> None:
         """Leaves an item to be published, instead of an older one that is not published yet."""
-        if self.watched:
+        if self.has_subscribers:
             self._item = item
             self._news.tell()
 
@@ -85,7 +85,7 @@ class SampledPublisher(Generic[Item]):
         """Stops publishing. Nothing may be offered any more; closing it again does nothing."""
         if self._closed.is_set():
             return
-        self.watched = False
+        self.has_subscribers = False
         self._closed.set()
         self._news.tell()
         self._thread.join()

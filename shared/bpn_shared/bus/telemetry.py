@@ -7,7 +7,7 @@ import zenoh
 
 from bpn_shared.bus import keys
 from bpn_shared.bus.session import Bus
-from bpn_shared.bus.watch import Watch
+from bpn_shared.bus.watch import Subscriber
 from bpn_shared.counters import Counters
 from bpn_shared.messages.base import MessageError
 from bpn_shared.messages.telemetry import Telemetry
@@ -71,7 +71,7 @@ class TelemetryWatch:
             except MessageError as error:
                 counters.refuse("telemetry_refused", str(error))
 
-        self._watch = Watch(bus, keys.telemetry("*", "*"), receive)
+        self._watch = Subscriber(bus, keys.telemetry("*", "*"), receive)
 
     def close(self) -> None:
         self._watch.close()

@@ -11,7 +11,7 @@ OnSample = Callable[[bytes, bytes], None]
 """Takes a message: attachment (empty if it has none) and payload."""
 
 
-class Watch(Declared):
+class Subscriber(Declared):
     """Calls `on_sample` with every message, on the network thread: it must be quick and raise nothing.
 
     A key without wildcards is counted in the session's traffic.

@@ -8,7 +8,7 @@ from bpn_shared.backoff import Backoff
 from bpn_shared.bus.requests import NoReplyError, RefusedError, request
 from bpn_shared.bus.session import Bus
 from bpn_shared.messages.base import MessageError
-from bpn_shared.waiting import Waiting
+from bpn_shared.waiting import WaitStatus
 
 Reply = TypeVar("Reply")
 OnRefusal = Callable[[str], object]
@@ -22,7 +22,7 @@ def ask(
     decode: Callable[[bytes], Reply],
     *,
     stop: threading.Event,
-    waiting: Waiting,
+    waiting: WaitStatus,
     waiting_for: str,
     on_refusal: OnRefusal,
     timeout_s: float = 2.0,

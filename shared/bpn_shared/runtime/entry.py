@@ -26,8 +26,8 @@ from bpn_shared.runtime.worker import (
     EXIT_FAILED,
     EXIT_FINISHED,
     EXIT_UNRECOVERABLE,
-    Serve,
     Worker,
+    WorkerMain,
     WorkerProcess,
     fetch_config,
     service_name,
@@ -76,7 +76,7 @@ Answers = Mapping[str, Callable[[bytes], bytes]]
 def run_worker(
     kind: Role,
     options: argparse.Namespace,
-    serve: Serve,
+    serve: WorkerMain,
     answers: Answers = MappingProxyType({}),
     *,
     holds_on_s: float | None = None,
@@ -127,7 +127,7 @@ def run_worker(
     return EXIT_FAILED
 
 
-def _serve_run(process: WorkerProcess, run: UUID, slot: int, serve: Serve) -> int:
+def _serve_run(process: WorkerProcess, run: UUID, slot: int, serve: WorkerMain) -> int:
     with process.announced(lambda: (run, slot)), process.holding(process.stop):
         log.info("%s serves run %s, slot %d", process.id, run, slot)
         return serve(process.at(run, slot, process.bus, process.stop))

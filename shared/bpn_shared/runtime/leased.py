@@ -33,8 +33,8 @@ from bpn_shared.runs.folder import RunOwnedError
 from bpn_shared.runtime.service import set_up_logging
 from bpn_shared.runtime.worker import (
     EXIT_FINISHED,
-    Serve,
     Worker,
+    WorkerMain,
     WorkerProcess,
     WorkFailedError,
     service_name,
@@ -95,7 +95,7 @@ class LeaseLoop:
         self._gave_back: GiveBack | None = None  # until the registry knows
         self._refused = Backoff(_REFUSED_S, _REFUSED_AT_MOST_S)
 
-    def run(self, serve: Serve) -> int:
+    def run(self, serve: WorkerMain) -> int:
         """Works until the process is stopped."""
         process = self._process
         key = keys.control(process.kind, process.id)
@@ -167,7 +167,7 @@ class LeaseLoop:
         process.waiting.set(f"the registry, which refuses this worker: {reason}")
         process.stop.wait(self._refused.next_s())
 
-    def _work(self, lease: Lease, serve: Serve) -> None:
+    def _work(self, lease: Lease, serve: WorkerMain) -> None:
         process = self._process
         with self._lock:
             self._lease = lease
@@ -202,7 +202,7 @@ class LeaseLoop:
         self._process.stop.wait(_GIVEN_BACK_S)
 
 
-def _do(serve: Serve, worker: Worker) -> None:
+def _do(serve: WorkerMain, worker: Worker) -> None:
     """Works; whatever goes wrong ends this lease alone.
 
     Raises:

@@ -27,7 +27,7 @@ from bpn_shared.messages.telemetry import (
     WeightsMark,
 )
 from bpn_shared.version import PROTOCOL, VERSION
-from bpn_shared.waiting import Waiting
+from bpn_shared.waiting import WaitStatus
 
 LATENCY_WINDOW_S = 10.0
 _MAX_CHUNKS = 256
@@ -77,7 +77,7 @@ class WeightsTimeline:
     def __init__(self) -> None:
         self._marks: dict[WeightsEvent, WeightsMark] = {}
 
-    def note(self, event: WeightsEvent, weights: Weights) -> None:
+    def record(self, event: WeightsEvent, weights: Weights) -> None:
         """Says that this happened just now."""
         mark = WeightsMark(attempt=weights.attempt, version=weights.version, time_ns=time.time_ns())
         self._marks = {**self._marks, event: mark}
@@ -129,7 +129,7 @@ class Reporter:
         place: Place,
         traffic: Traffic,
         *,
-        waiting: Waiting,
+        waiting: WaitStatus,
         counters: Counters,
         latencies: Latencies,
         weights: WeightsTimeline,

@@ -20,7 +20,7 @@ from bpn_shared.runs.config_file import decode_config
 from bpn_shared.runtime.ask import OnRefusal, ask
 from bpn_shared.runtime.telemetry import Latencies, Place, Reporter, WeightsTimeline
 from bpn_shared.spec.config import ConfigError, RunConfig
-from bpn_shared.waiting import Waiting
+from bpn_shared.waiting import WaitStatus
 
 EXIT_FINISHED, EXIT_FAILED, EXIT_UNRECOVERABLE = 0, 1, 2
 Reply = TypeVar("Reply")
@@ -50,7 +50,7 @@ class WorkerProcess:
     bus: Bus
     stop: threading.Event
     counters: Counters = field(default_factory=Counters)
-    waiting: Waiting = field(default_factory=Waiting)
+    waiting: WaitStatus = field(default_factory=WaitStatus)
     latencies: Latencies = field(default_factory=Latencies)
     weights: WeightsTimeline = field(default_factory=WeightsTimeline)
     router: RouterWatch | None = None
@@ -159,7 +159,7 @@ class WorkFailedError(ConfigError):
     """The work at a place failed in a way that nobody foresaw; the message is the exception's, in one line."""
 
 
-Serve = Callable[[Worker], int]
+WorkerMain = Callable[[Worker], int]
 """Does a worker's work until it is done or `stop` is set; returns the exit status."""
 
 

@@ -6,24 +6,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from compiled import compiled, ran
+from compiled import compiled, expected, ran
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from networks import SPECS, awkward_blob, awkward_observation
 
 from bpn.export.c_source import c_source
-from bpn_shared.bnn import golden
-from bpn_shared.bnn.blob import WeightBlob
 from bpn_shared.spec.installed import task_spec
 from bpn_shared.spec.network import NetworkSpec
 from bpn_shared.spec.tasks import TaskOptions, TaskSpec
 
 TASK = task_spec("reaching", TaskOptions())
-
-
-def expected(blob: WeightBlob, observation: np.ndarray) -> np.ndarray:
-    sums = golden.forward(blob, observation)
-    return np.concatenate([*(o.reshape(-1) for o in sums), [np.argmax(sums[-1])]])
 
 
 def named(spec: NetworkSpec, names: list[str]) -> TaskSpec:

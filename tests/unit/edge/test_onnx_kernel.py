@@ -8,7 +8,8 @@ from dataclasses import replace
 import numpy as np
 import onnx
 import pytest
-from hypothesis import given
+from geometries import shapes
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from onnx.reference import ReferenceEvaluator
 
@@ -63,6 +64,14 @@ def test_the_kernel_computes_what_the_model_says(seed: int) -> None:
     expected = reference(POLICIES[seed], IMAGE)
     np.testing.assert_allclose(outputs, expected, rtol=1e-4, atol=1e-4 * np.abs(expected).max())
     verify(kernel, POLICIES[seed])
+
+
+@given(shapes(), st.integers(0, 2**32))
+@settings(max_examples=20)
+def test_networks_of_any_shape_run(spec: NetworkSpec, seed: int) -> None:
+    policy, kernel = random_policy(seed, spec), load("onnx")
+    kernel.load(FloatWeights.decode(policy.encode()))
+    verify(kernel, policy)
 
 
 def test_banks_are_swapped_between_two_frames() -> None:

@@ -11,7 +11,7 @@ def test_pauses_grow_to_a_bound_and_begin_anew_with_news(before: int, after: int
     pace = Pace()
     for _ in range(before):
         pace.next_pause_s()
-    pace.quicken()
+    pace.reset()
     pauses_s = [pace.next_pause_s() for _ in range(after)]
     assert pauses_s[0] == SOONEST_S
     assert all(one <= two <= 2 * one for one, two in itertools.pairwise(pauses_s))

@@ -2,49 +2,25 @@
 
 import importlib.util
 import shutil
-import struct
 import subprocess
-from collections.abc import Iterator
 from pathlib import Path
 from types import ModuleType
 
 import numpy as np
 import pytest
+from vectors import BLOBS, VECTORS, answers_of, records
 
 from bpn_edge.kernel.native import NativeKernel, available_paths
 from bpn_shared.bnn import golden
 from bpn_shared.bnn.blob import WeightBlob
 from bpn_shared.bnn.envelope import BlobError
-from bpn_shared.bnn.golden import Integers, Observation
 
 ROOT = Path(__file__).parents[3]
-VECTORS = ROOT / "tests/vectors"
-BLOBS = sorted(VECTORS.glob("*.bpnw"))
 REFUSED = sorted(VECTORS.glob("refused/*.bpnw"))
 KERNELS = [NativeKernel(path) for path in available_paths()]
 KERNELS += [NativeKernel(any_shape=True)]
 STRICT = ["-std=c99", "-O1", "-Wall", "-Wextra", "-pedantic", "-Werror"]
 SANITIZED = ["-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
-
-
-def answers_of(path: Path) -> Path:
-    return path.with_name(path.name.split(".")[0] + ".bin")
-
-
-def records(blob: WeightBlob, path: Path) -> Iterator[tuple[Observation, list[Integers]]]:
-    """Read as the page says."""
-    data, at = path.read_bytes(), 4
-    for _ in range(struct.unpack_from("<I", data)[0]):
-        shape = blob.spec.observation_shape
-        image = np.frombuffer(data, np.uint8, int(np.prod(shape)), at).reshape(shape)
-        at += image.size
-        layers = []
-        for layer in blob.spec.layers:
-            count = layer.out_size**2 * layer.out_channels
-            layers.append(np.frombuffer(data, "<i4", count, at).astype(np.int32))
-            at += 4 * count
-        yield image, layers
-    assert at == len(data)
 
 
 def made() -> ModuleType:

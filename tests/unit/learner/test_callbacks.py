@@ -30,7 +30,7 @@ from bpn_shared.runs.folder import RunFolder
 from bpn_shared.spec.config import ConfigError, RunConfig
 from bpn_shared.spec.seeds import episode_seed
 from bpn_shared.spec.stopping import StopRule
-from bpn_shared.waiting import Waiting
+from bpn_shared.waiting import WaitStatus
 
 OWN = Path(__file__).parents[2] / "support" / "odd_callbacks.py"
 _OWN_NAMES = ("Seen", "Bad", "Odd", "Talkative", "Endless", "Late", "Meddler", "unmade")
@@ -61,7 +61,7 @@ class Loop:
     def run(self) -> bool:
         with self.folder.owned("learner-1") as owner:
             owner.begin_attempt()
-            config, waiting = self.folder.config(), Waiting()
+            config, waiting = self.folder.config(), WaitStatus()
             self.ledger = EpisodeLedger(config, owner, {"edge-0"}, waiting, self.counters)
             self.evaluations = Evaluations(config, {"edge-0"}, waiting, prove=owner.prove)
             self.training = Training(

@@ -17,7 +17,7 @@ from bpn_shared.messages.control import NextEpisode
 from bpn_shared.runs.ownership import Ownership
 from bpn_shared.spec.config import RunConfig
 from bpn_shared.spec.seeds import episode_seed
-from bpn_shared.waiting import Waiting
+from bpn_shared.waiting import WaitStatus
 
 # What is handed out.
 
@@ -43,7 +43,7 @@ def test_edges_are_told_how_to_choose_actions(
         "reaching", algorithm=algorithm, iterations=10, epsilon_initial=0.8, epsilon_final=0.0
     )
     with owned(tmp_path, config) as owner:
-        ledger = EpisodeLedger(config, owner, set(), Waiting(), Counters())
+        ledger = EpisodeLedger(config, owner, set(), WaitStatus(), Counters())
         ledger.begin(2)
         told = ledger.next(NextEpisode(slot=0, worker="edge-0"))
     assert (told.policy, told.epsilon) == (policy, pytest.approx(epsilon))
@@ -177,7 +177,7 @@ def test_rewards_told_by_a_robot_have_to_be_finite_and_its_episodes_may_end_earl
         "gym:A-v0", actions=14, frames_stacked=1, seed=3, episodes=4, steps=2
     )
     with owned(tmp_path, config) as owner:
-        ledger = EpisodeLedger(config, owner, set(), Waiting(), Counters())
+        ledger = EpisodeLedger(config, owner, set(), WaitStatus(), Counters())
         ledger.begin(0)
         for odd in (np.nan, np.inf, -np.inf):
             assert "the reward of step 0 is" in ledger.receive(played(0, 0, rewards=odd)).reason
@@ -193,7 +193,7 @@ def test_bytes_of_which_nothing_is_known_are_refused_as_such(ledger: EpisodeLedg
 
 
 def test_an_episode_of_another_version_is_said_to_be_waited_for(owner: Ownership) -> None:
-    waiting = Waiting()
+    waiting = WaitStatus()
     ledger = EpisodeLedger(CONFIG, owner, set(), waiting, Counters())
     ledger.begin(0)
     with pytest.raises(OtherVersionError):

@@ -19,7 +19,7 @@ from bpn_shared.counters import Counters
 from bpn_shared.messages.control import Fault, NextEpisode
 from bpn_shared.runs.folder import OwnershipLostError
 from bpn_shared.runs.ownership import Ownership
-from bpn_shared.waiting import Waiting
+from bpn_shared.waiting import WaitStatus
 
 # What cannot be had.
 
@@ -106,7 +106,7 @@ def failing(monkeypatch: pytest.MonkeyPatch, owner: Ownership, number: int) -> N
 def test_what_cannot_be_kept_is_not_acknowledged_and_delivered_again(
     owner: Ownership, number: int, reason: str
 ) -> None:
-    waiting = Waiting()
+    waiting = WaitStatus()
     ledger = EpisodeLedger(CONFIG, owner, set(), waiting, Counters())
     ledger.begin(0)
     with pytest.MonkeyPatch.context() as monkeypatch:

@@ -8,7 +8,7 @@ import pytest
 
 from bpn_learner.storage import StorageError, StorageStopped, insist
 from bpn_shared.backoff import Backoff
-from bpn_shared.waiting import Waiting
+from bpn_shared.waiting import WaitStatus
 
 QUICK = Backoff(0.001, 0.001)
 
@@ -19,7 +19,7 @@ class Disk:
     def __init__(self, refusals: int, number: int = errno.ENOSPC) -> None:
         self.refusals, self.number, self.tries = refusals, number, 0
         self.waited_for: list[str | None] = []
-        self.waiting = Waiting()
+        self.waiting = WaitStatus()
 
     def write(self) -> None:
         self.tries += 1

@@ -19,7 +19,7 @@ from bpn_shared.messages.episode import Episode
 from bpn_shared.runs.folder import OwnershipLostError, RunFolder
 from bpn_shared.spec.config import RunConfig
 from bpn_shared.spec.seeds import shuffle_generator
-from bpn_shared.waiting import Waiting
+from bpn_shared.waiting import WaitStatus
 
 
 def test_every_version_is_what_its_configuration_and_its_newest_data_sets_make(runs: Runs) -> None:
@@ -71,8 +71,8 @@ def test_the_wait_for_room_ends_with_a_stop(
     with folder.owned("learner-1") as owner:
         owner.begin_attempt()
         monkeypatch.setattr(owner, "append_metrics", full)
-        waiting = Waiting()
-        ledger = EpisodeLedger(RUN, owner, {"edge-0"}, Waiting(), Counters())
+        waiting = WaitStatus()
+        ledger = EpisodeLedger(RUN, owner, {"edge-0"}, WaitStatus(), Counters())
         training = Training(
             RUN, owner, ledger, publish=edge.publish, report=lambda *_: None, rendezvous=None,
             waiting=waiting, stop=stop_after,

@@ -18,7 +18,7 @@ from bpn_shared.messages.control import Fault, NextEpisode
 from bpn_shared.messages.episode import Episode
 from bpn_shared.runs.lock import OwnershipLostError
 from bpn_shared.spec.seeds import episode_seed
-from bpn_shared.waiting import Waiting
+from bpn_shared.waiting import WaitStatus
 
 BLOB = replace(WeightBlob.random(CONFIG.network, np.random.default_rng(0)), attempt=2, version=4)
 
@@ -106,7 +106,7 @@ def test_an_evaluation_ends_when_the_run_is_another_learners() -> None:
     def prove() -> None:
         raise OwnershipLostError("another learner")
 
-    evaluations = Evaluations(CONFIG, {"edge-0"}, Waiting(), prove=prove)
+    evaluations = Evaluations(CONFIG, {"edge-0"}, WaitStatus(), prove=prove)
     with pytest.raises(OwnershipLostError):
         evaluations.play(3, BLOB, 1, threading.Event())
     assert evaluations.next(NextEpisode(slot=0, worker="edge-0")) is None

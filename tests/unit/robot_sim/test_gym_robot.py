@@ -100,10 +100,27 @@ def test_actions_rewards_frames_and_ends_are_the_environments() -> None:
 
 
 @pytest.mark.parametrize(
-    "changes", [{}, {"frame_skip": 2, "max_over_frames": 2}, {"frame_channels": 1}]
+    "changes",
+    [
+        {},
+        {"frame_skip": 2, "max_over_frames": 2},
+        {"frame_channels": 1},
+        {"frame_px": 33, "conv": "8x4x8"},
+    ],
 )
 def test_it_passes_the_check(changes: dict[str, Any]) -> None:
     check_robot(make(**changes))
+
+
+def test_frames_have_the_size_that_is_asked_for() -> None:
+    robot = make(frame_px=10, conv="5x1x8")
+    assert robot.task.frame_shape == robot.reset(seed=3).shape == (3, 10, 10)
+    lit, dark = (
+        robot.frame()[2, :7],
+        robot.frame()[2, 8:],
+    )  # its picture is dark from row 15 of 20 on
+    assert (lit == 200).all()
+    assert (dark == 0).all()
 
 
 def test_an_action_may_take_several_steps_whose_rewards_add_up() -> None:

@@ -38,6 +38,20 @@ def test_colours_are_exact_and_the_image_is_upright() -> None:
     assert image.flags.c_contiguous
 
 
+def test_an_image_has_the_size_that_is_asked_for() -> None:
+    model = mujoco.MjModel.from_xml_string(SCENE)
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    camera = Camera(model, "top", channels=1, size_px=40)
+    image = camera.render(data)
+    camera.close()
+    expected = np.zeros((1, 40, 40), np.uint8)
+    # One metre is 10 px: x from -1 m to 0 m, y from 0.75 m to 1.25 m above the middle, whose edges are half pixels.
+    expected[:, 8:12, 10:20] = 51
+    assert image.shape == (1, 40, 40)
+    np.testing.assert_array_equal(image[:, 8:12], expected[:, 8:12])
+
+
 def test_cameras_do_not_disturb_each_other() -> None:
     model = mujoco.MjModel.from_xml_string(SCENE)
     data = mujoco.MjData(model)

@@ -126,6 +126,17 @@ class ConfigSchema(BaseModel):
     model_config = {"alias_generator": lambda name: name.rstrip("_"), "populate_by_name": True}
 
 
+class RunTask(TaskChoice):
+    """The task of a run, and how its algorithm acts there."""
+
+    selection: Annotated[
+        str,
+        Field(
+            description="what draws the actions of its data: softmax, epsilon_greedy, or another"
+        ),
+    ]
+
+
 class BulkResult(BaseModel):
     """What became of one of them."""
 
@@ -232,10 +243,12 @@ def get_run(_who: Viewer, parts: Parts, response: Response, run_id: str) -> Run:
 
 
 @router.get("/runs/{run_id}/task", operation_id="getTask", responses=responses(404, 422))
-def get_task(_who: Viewer, parts: Parts, run_id: str) -> TaskChoice:
+def get_task(_who: Viewer, parts: Parts, run_id: str) -> RunTask:
     """The run's task as its configuration has it, whether it is installed here or not."""
     parts.runs.get(run_id)
-    return TaskChoice.of(parts.runs.folder(run_id).config().task_spec)
+    config = parts.runs.folder(run_id).config()
+    task = TaskChoice.of(config.task_spec).model_dump()
+    return RunTask(**task, selection=config.policy)
 
 
 @router.patch(

@@ -5,7 +5,7 @@ from bpn_shared.bus.session import Bus
 from bpn_shared.bus.telemetry import TelemetryPublisher
 from bpn_shared.counters import Counters
 from bpn_shared.runtime.telemetry import Latencies, Reporter, WeightsTimeline
-from bpn_shared.waiting import Waiting
+from bpn_shared.waiting import WaitStatus
 
 KIND = "dashboard"
 
@@ -13,7 +13,7 @@ KIND = "dashboard"
 class Presence:
     """A liveliness token and telemetry, until it is closed."""
 
-    def __init__(self, bus: Bus, name: str, counters: Counters, waiting: Waiting) -> None:
+    def __init__(self, bus: Bus, name: str, counters: Counters, waiting: WaitStatus) -> None:
         reporter = Reporter(
             KIND,
             name,

@@ -15,7 +15,7 @@ from bpn_dashboard.hub.topics import DELIVERY, Kind, Topic
 from bpn_dashboard.hub.topology import Topology
 from bpn_shared.bus import keys
 from bpn_shared.bus.session import Bus
-from bpn_shared.bus.watch import Watch
+from bpn_shared.bus.watch import Subscriber
 from bpn_shared.counters import Counters
 from bpn_shared.messages.base import MessageError
 from bpn_shared.messages.decision import Decision
@@ -55,7 +55,7 @@ def sources(bus: Bus, runs_dir: Path, topology: Topology, counters: Counters) ->
 
     def watch(key: Callable[[Topic], str]) -> Callable[[Topic, Put], Close]:
         def open_watch(topic: Topic, put: Put) -> Close:
-            return Watch(bus, key(topic), lambda header, payload: put((header, payload))).close
+            return Subscriber(bus, key(topic), lambda header, payload: put((header, payload))).close
 
         return open_watch
 

@@ -46,7 +46,12 @@ class Device:
                 "load the bitstream that `bpn fpga build` made of the same version"
             )
         build, limits = transport.read(registers.BUILD), transport.read(registers.LIMITS)
-        self.build = Build(build >> 24, build >> 16 & 0xFF, limits, build >> 8 & 0xFF)
+        try:
+            self.build = Build(build >> 24, build >> 16 & 0xFF, limits, build >> 8 & 0xFF)
+        except ValueError as error:
+            raise ConfigError(
+                f"the core says that it was built for what no core is: {error}"
+            ) from error
         self._epoch = max(transport.read(registers.BANK_EPOCH + 4 * bank) for bank in (0, 1))
         self._epochs = [0, 0]
 

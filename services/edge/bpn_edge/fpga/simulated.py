@@ -78,9 +78,10 @@ class SimulatedCore:
 
     def unsent(self) -> tuple[int, int]:
         """Beats of pixels, and words of weights, that the core has not taken yet."""
-        return tuple(
-            self._library.bpn_unsent(self._model, stream) for stream in (_PIXELS, _WEIGHTS)
-        )  # type: ignore[return-value]
+        pixels, weights = (
+            int(self._library.bpn_unsent(self._model, stream)) for stream in (_PIXELS, _WEIGHTS)
+        )
+        return pixels, weights
 
     def forget_unsent(self) -> None:
         """Takes back what was not sent yet."""

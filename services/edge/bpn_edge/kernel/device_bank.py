@@ -4,11 +4,13 @@ import zlib
 
 from bpn_edge.fpga.build import Build
 from bpn_edge.fpga.device import Device
+from bpn_edge.fpga.transport import DeviceError
 from bpn_edge.kernel.protocol import Kernel, binarized, not_loaded
 from bpn_shared.bnn.blob import Parameters
 from bpn_shared.bnn.envelope import BlobError
 from bpn_shared.bnn.golden import Integers, Observation
 from bpn_shared.bnn.weights import Weights
+from bpn_shared.spec.config import ConfigError
 from bpn_shared.spec.network import NetworkSpec
 
 
@@ -91,4 +93,7 @@ def connected() -> DeviceBank:
     """
     from bpn_edge.fpga.connected import connected_core  # noqa: PLC0415 - `rtl` needs no device
 
-    return DeviceBank("fpga", Device(connected_core()))
+    try:
+        return DeviceBank("fpga", Device(connected_core()))
+    except DeviceError as error:
+        raise ConfigError(f"kernel 'fpga': {error}") from error

@@ -1,4 +1,4 @@
-// In the CRC's place for proofs that hold whatever it is.
+// In the CRC's place for proofs that hold whatever it is: nothing drives it.
 module bpn_crc32 (
     input logic clk,
     input logic clear,
@@ -6,7 +6,4 @@ module bpn_crc32 (
     input logic [31:0] word,
     output logic [31:0] crc
 );
-  (* anyseq *) logic [31:0] any;
-  assign crc = any;
-  wire unused = &{1'b0, clk, clear, enable, word};
 endmodule

@@ -1,16 +1,16 @@
 // AXI4-Lite's rules of who answers, proven of bpn_axi_lite for any master and any registers behind it: an answer stays and
 // does not change until it is taken, there is none that nobody asked for, and every question is answered once.
 module axi_lite (
-    input logic clk
+    input logic clk,
+    input logic [9:0] awaddr, araddr,
+    input logic awvalid, wvalid, bready, arvalid, rready, write_refused, read_ready, read_refused,
+    input logic [31:0] wdata, read_data,
+    input logic [3:0] wstrb
 );
   logic reset_done = 1'b0;
   always_ff @(posedge clk) reset_done <= 1'b1;
   wire rst_n = reset_done;
 
-  (* anyseq *) logic [9:0] awaddr, araddr;
-  (* anyseq *) logic awvalid, wvalid, bready, arvalid, rready, write_refused, read_ready, read_refused;
-  (* anyseq *) logic [31:0] wdata, read_data;
-  (* anyseq *) logic [3:0] wstrb;
   logic awready, wready, bvalid, arready, rvalid, write, read;
   logic [1:0] bresp, rresp;
   logic [31:0] rdata, write_data;

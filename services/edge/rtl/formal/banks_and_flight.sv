@@ -1,21 +1,21 @@
-// What has to hold of banks, loader and frames in flight whatever comes in; proven by yosys-smtbmc (docs/fpga.md):
+// What has to hold of banks, loader and frames in flight whatever comes in; proven by prove.py:
 //
 //   - no frame begins with, and no frame in flight uses, a bank that is not wholly verified;
 //   - a bank that a frame in flight uses, or that is selected, is not written;
 //   - a frame keeps its bank to its end;
+//   - a set counts as verified only by its CRC, in its last word;
 //   - at most two frames are in flight.
 //
 // The loader's parse of a set is left to itself: any word may come at any time, and the CRC may be right or wrong.
 module banks_and_flight (
-    input logic clk
+    input logic clk,
+    input logic [31:0] word,
+    input logic word_valid, word_last, select, begin_frame, finish_frame, pixels_end, misaligned,
+    input logic [1:0] select_banks
 );
   logic reset_done = 1'b0;
   always_ff @(posedge clk) reset_done <= 1'b1;
   wire rst_n = reset_done;
-
-  (* anyseq *) logic [31:0] word;
-  (* anyseq *) logic word_valid, word_last, select, begin_frame, finish_frame, pixels_end, misaligned;
-  (* anyseq *) logic [1:0] select_banks;
 
   logic word_ready, busy, begun, begun_bank, load_bank, verified, select_refused;
   logic [bpn::GEOMETRY_W-1:0] geometry;
@@ -67,6 +67,11 @@ module banks_and_flight (
     was_finish <= finish;
   end
 
+  // Whether the word before was the last one, and the CRC's.
+  logic was_right;
+  always_ff @(posedge clk)
+    was_right <= rst_n && loader_state == 3'd6 && word_valid && word_ready && word_last && word == crc;
+
   // Whether the loader has a bank open, from the word that opens it to its end.
   logic open;
   always_ff @(posedge clk)
@@ -81,6 +86,7 @@ module banks_and_flight (
       if (start) assert (valid[selected[1]]);
       if (writes) assert (!in_use[load_bank] && !valid[load_bank] && !selected[load_bank]);
       if (verified) assert (!in_use[load_bank] && !valid[load_bank] && !selected[load_bank]);
+      if (verified) assert (was_right);
       if (active) assert (newest_bank == shadow_bank);
       if (was_active && !was_finish) assert (active && oldest_bank == shadow_oldest);
       assert (flight_count != 2'd3);
@@ -89,6 +95,7 @@ module banks_and_flight (
       assert (!active || full == (oldest != newest));
       // What makes the proof inductive: beyond the sizes, the loader is at work on a bank that is open.
       if (loader_state >= 3'd2 && loader_state <= 3'd6) assert (open);
+      if (open) assert ((loader_state >= 3'd2 && loader_state <= 3'd6) || verified || refused != '0);
       if (open) assert (!valid[load_bank] && !selected[load_bank]);
       if (loader_state >= 3'd3 && loader_state <= 3'd6) assert (!in_use[load_bank]);
       if (writes || verified) assert (open && !in_use[load_bank]);

@@ -1,15 +1,15 @@
 // Of bpn_frame_gate, whatever comes in: its place in the frame stays within it, beats come only within a frame, every
 // frame that begins has its last beat before the next begins, and what comes out of the stream is what went in.
 module frame_gate (
-    input logic clk
+    input logic clk,
+    input logic [8*bpn::BYTES-1:0] data,
+    input logic valid, last, go, hold,
+    input logic [bpn::BEAT_W-1:0] last_beat
 );
   logic reset_done = 1'b0;
   always_ff @(posedge clk) reset_done <= 1'b1;
   wire rst_n = reset_done;
 
-  (* anyseq *) logic [8*bpn::BYTES-1:0] data;
-  (* anyseq *) logic valid, last, go, hold;
-  (* anyseq *) logic [bpn::BEAT_W-1:0] last_beat;
   logic ready, start, done, misaligned, beat_valid, beat_last;
   logic [8*bpn::BYTES-1:0] beat_data;
   logic [bpn::BEAT_W-1:0] beat;

@@ -35,7 +35,7 @@ headers = st.builds(
 )  # fmt: skip
 previews = st.builds(
     lambda channels, stacked, *rest: PreviewHeader(channels * stacked, stacked, *rest),
-    st.integers(1, 4), st.integers(1, 16), u32, u32, u32, u64,
+    st.integers(1, 4), st.integers(1, 16), u32, u32, u32, u64, st.integers(8, 128),
 )  # fmt: skip
 actions = st.builds(Action, st.integers(0, 13), u32, u32, u64, u32, u32)
 
@@ -198,6 +198,22 @@ def test_a_preview_must_be_whole_frames_of_its_shape() -> None:
     check_pixels(header, bytes(2 * 84 * 84))
     with pytest.raises(MessageError, match="2 channels have 14112"):
         check_pixels(header, bytes(84 * 84))
+    smaller = header._replace(frame_px=32)
+    check_pixels(smaller, bytes(2 * 32 * 32))
+    with pytest.raises(MessageError, match="2 channels have 2048"):
+        check_pixels(smaller, bytes(2 * 84 * 84))
+
+
+def test_a_preview_of_before_there_were_other_sizes_has_frames_of_84_pixels() -> None:
+    """The place of the size was empty then."""
+    older = bytearray(PreviewHeader(2, 2, 3, 4, 5, 6).encode())
+    assert older[3] == 84
+    older[3] = 0
+    assert PreviewHeader.decode(bytes(older)) == PreviewHeader(2, 2, 3, 4, 5, 6)
+    for impossible in (7, 129):
+        older[3] = impossible
+        with pytest.raises(MessageError, match=f"frames of {impossible} x {impossible} pixels"):
+            PreviewHeader.decode(bytes(older))
 
 
 def test_an_action_that_the_task_does_not_have_is_refused() -> None:

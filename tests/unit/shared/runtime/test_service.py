@@ -12,7 +12,7 @@ from bpn_shared.counters import Counters
 from bpn_shared.runtime.service import new_worker_id, protocol_of
 from bpn_shared.runtime.telemetry import Latencies, Reporter, WeightsTimeline
 from bpn_shared.version import PROTOCOL
-from bpn_shared.waiting import Waiting
+from bpn_shared.waiting import WaitStatus
 
 
 def test_a_flood_of_refusals_is_counted_and_logged_by_powers_of_ten(
@@ -38,7 +38,7 @@ def test_the_newest_reason_of_every_kind_of_refusal_is_kept() -> None:
 
 def test_waiting_is_said_once_and_reported(caplog: pytest.LogCaptureFixture) -> None:
     caplog.set_level(logging.INFO)
-    waiting, counters = Waiting(), Counters()
+    waiting, counters = WaitStatus(), Counters()
     reporter = Reporter(
         "edge",
         "edge-1",
@@ -51,7 +51,7 @@ def test_waiting_is_said_once_and_reported(caplog: pytest.LogCaptureFixture) -> 
     )
     waiting.set("a frame")
     waiting.set("a frame")
-    assert lines(caplog, Waiting) == ["waiting for a frame"]
+    assert lines(caplog, WaitStatus) == ["waiting for a frame"]
     counters.add("frames", 2)
     said = json.loads(reporter.answer(b""))
     assert (said["kind"], said["worker"], said["run"], said["slot"]) == ("edge", "edge-1", None, 3)

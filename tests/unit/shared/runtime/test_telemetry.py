@@ -20,7 +20,7 @@ from bpn_shared.runtime.telemetry import (
     Reporter,
     WeightsTimeline,
 )
-from bpn_shared.waiting import Waiting
+from bpn_shared.waiting import WaitStatus
 
 
 @given(st.lists(st.lists(st.floats(-1e6, 1e6), max_size=50), min_size=1, max_size=20))
@@ -73,14 +73,14 @@ def test_memory_and_processor_are_what_the_system_says() -> None:
 @pytest.mark.parametrize("kind", ["learner", "edge", "robot_sim", "dashboard"])
 def test_every_kind_of_service_can_report(kind: str) -> None:
     reporter = Reporter(
-        kind, new_worker_id(kind), lambda: (uuid4(), 0), Traffic(), waiting=Waiting(),
+        kind, new_worker_id(kind), lambda: (uuid4(), 0), Traffic(), waiting=WaitStatus(),
         counters=Counters(), latencies=Latencies(), weights=WeightsTimeline(),
     )  # fmt: skip
     assert reporter.report().kind == kind
 
 
 def test_a_report_holds_what_its_parts_know() -> None:
-    traffic, waiting, counters = Traffic(), Waiting(), Counters()
+    traffic, waiting, counters = Traffic(), WaitStatus(), Counters()
     traffic.sent("bpn/a/frame").add(7)
     traffic.received("bpn/a/action").add(3)
     traffic.received("bpn/a/action").dropped += 1
@@ -103,7 +103,7 @@ def test_a_service_that_uses_many_keys_still_fits_into_a_message() -> None:
         traffic.sent(f"bpn/{'0' * 36}/robot/{number}/frame").add(1)
         traffic.received(f"bpn/{'0' * 36}/robot/{number}/action").add(1)
     reporter = Reporter(
-        "edge", "edge-1", lambda: (None, None), traffic, waiting=Waiting(),
+        "edge", "edge-1", lambda: (None, None), traffic, waiting=WaitStatus(),
         counters=Counters(), latencies=Latencies(), weights=WeightsTimeline(),
     )  # fmt: skip
     report = reporter.report()
@@ -115,7 +115,7 @@ def test_a_report_tells_how_long_the_certificates_are_good() -> None:
     start = datetime(2026, 1, 1, tzinfo=UTC)
     lives = [None, Life(start, start + timedelta(days=365))]
     reporter = Reporter(
-        "edge", "edge-1", lambda: (None, None), Traffic(), waiting=Waiting(), counters=Counters(),
+        "edge", "edge-1", lambda: (None, None), Traffic(), waiting=WaitStatus(), counters=Counters(),
         latencies=Latencies(), weights=WeightsTimeline(), certificate=lambda: lives[-1],
     )  # fmt: skip
     told = reporter.report().certificate

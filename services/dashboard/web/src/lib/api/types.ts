@@ -57,7 +57,7 @@ export interface JsonSchemaProperty {
 
 export type SystemStatus = Schemas['SystemStatus'];
 
-export type TaskInfo = Schemas['TaskChoice'];
+export type TaskInfo = Schemas['RunTask'];
 
 export type TaskFamily = Schemas['FamilyChoice'];
 

@@ -67,7 +67,7 @@ const SECTIONS: { title: string; open: boolean; keys: string[] }[] = [
     open: false,
     keys: ['evaluate_every', 'evaluate_episodes', 'stop_when', 'callbacks', 'tensorboard'],
   },
-  { title: 'Exploration of BQN', open: false, keys: ['epsilon_initial', 'epsilon_final'] },
+  { title: 'Exploration of BQN and DQN', open: false, keys: ['epsilon_initial', 'epsilon_final'] },
 ];
 const ELSEWHERE = new Set(['task', 'algorithm']);
 
