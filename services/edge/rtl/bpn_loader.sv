@@ -45,13 +45,20 @@ module bpn_loader (
   logic [2:0] lane;
   logic [WEIGHT_W-1:0] fc1_end, fc2_words, last_word, word;
 
-  // Sizes, as the second word has them, and what follows from them.
-  wire [4:0] channels = s_tdata[4:0];
-  wire [7:0] actions = s_tdata[15:8];
-  wire [15:0] nodes = s_tdata[31:16];
-  wire sizes_fit = channels != '0 && channels <= 5'(bpn::MAX_CHANNELS) && s_tdata[6:5] == '0
-      && actions >= 8'd2 && actions <= 8'(bpn::MAX_ACTIONS) && nodes != '0 && nodes <= 16'(bpn::MAX_HIDDEN_UNITS)
-      && !selected[s_tdata[7]];
+  // The word that is looked at: a register, so that whatever is in front of the stream is not in this clock.
+  logic have, last;
+  logic [31:0] set_word;
+  wire ready = (state != EPOCH || !in_use[bank]) && (state != SIZES || sizes_known);
+  wire taken = have && ready;
+  assign s_tready = !have || ready;
+
+  // Sizes, as the second word has them, and what follows from them, a clock later.
+  logic sizes_known, sizes_known_fit;
+  wire [4:0] channels = set_word[4:0];
+  wire [7:0] actions = set_word[15:8];
+  wire [15:0] nodes = set_word[31:16];
+  wire sizes_fit = channels != '0 && channels <= 5'(bpn::MAX_CHANNELS) && set_word[6:5] == '0
+      && actions >= 8'd2 && actions <= 8'(bpn::MAX_ACTIONS) && nodes != '0 && nodes <= 16'(bpn::MAX_HIDDEN_UNITS);
   wire nodes_left = nodes[3:0] != 4'd0;  // beyond whole groups of sixteen
   wire actions_left = actions[3:0] != 4'd0;
   wire [4:0] channels_less_1 = channels - 5'd1;
@@ -59,27 +66,33 @@ module bpn_loader (
   wire [bpn::ACTION_GROUP_W-1:0] action_groups = geometry[bpn::G_ACTION_GROUPS+:bpn::ACTION_GROUP_W];
   wire [bpn::BEAT_W-1:0] last_beat = geometry[bpn::G_LAST_BEAT+:bpn::BEAT_W];
 
-  wire taken = s_tvalid && s_tready;
-  assign begun = taken && state == SIZES && sizes_fit && !s_tlast;
-  assign begun_bank = s_tdata[7];
-  assign s_tready = state != EPOCH || !in_use[bank];
+  wire may_begin = sizes_known_fit && !selected[set_word[7]];
+  assign begun = taken && state == SIZES && may_begin && !last;
+  assign begun_bank = set_word[7];
   assign busy = state != IDENTITY;
 
   bpn_crc32 u_crc (
       .clk,
       .clear(state == IDENTITY),
       .enable(taken && state != CRC),  // the bank keeps it
-      .word(s_tdata),
+      .word(set_word),
       .crc
   );
 
   always_ff @(posedge clk) begin
+    if (s_tready) begin
+      have <= s_tvalid;
+      set_word <= s_tdata;
+      last <= s_tlast;
+    end
+    sizes_known <= have && state == SIZES && !sizes_known;
+    sizes_known_fit <= sizes_fit;
     verified <= 1'b0;
     refused <= '0;
     conv1_write <= '0;
     threshold_write <= 1'b0;
     engine_write <= '0;
-    write_data <= s_tdata;
+    write_data <= set_word;
     conv1_address <= {conv1_row, conv1_beat};
     threshold_address <= lane;
     engine_address <= word;
@@ -91,13 +104,13 @@ module bpn_loader (
       case (state)
         IDENTITY: begin
           state <= SIZES;
-          if (s_tdata != bpn::SET_IDENTITY) begin
+          if (set_word != bpn::SET_IDENTITY) begin
             refused <= WRONG_IDENTITY;
             state <= DROP;
           end
         end
         SIZES: begin
-          bank <= s_tdata[7];
+          bank <= set_word[7];
           geometry <= {
             bpn::BEAT_W'({channels_less_1, 2'b11} >> $clog2(bpn::BYTES)),
             bpn::GROUP_W'(nodes >> 4) + bpn::GROUP_W'(nodes_left),
@@ -107,13 +120,13 @@ module bpn_loader (
             channels
           };
           state <= EPOCH;
-          if (!sizes_fit) begin
+          if (!may_begin) begin
             refused <= WRONG_SIZES;
             state <= DROP;
           end
         end
         EPOCH: begin
-          epoch <= s_tdata;
+          epoch <= set_word;
           conv1_lane <= 1;
           {conv1_row, conv1_beat, lane, word} <= '0;
           state <= CONV1;
@@ -146,22 +159,22 @@ module bpn_loader (
         end
         CRC: begin
           state <= IDENTITY;
-          if (!s_tlast) begin
+          if (!last) begin
             refused <= WRONG_LENGTH;
             state <= DROP;
-          end else if (s_tdata != crc) refused <= WRONG_CRC;
+          end else if (set_word != crc) refused <= WRONG_CRC;
           else verified <= 1'b1;
         end
         default: ;
       endcase
-      if (s_tlast && state != CRC) begin
+      if (last && state != CRC) begin
         state <= IDENTITY;
         if (state != DROP) refused <= WRONG_LENGTH;
       end
     end
     if (!rst_n) begin
       state <= IDENTITY;
-      {verified, refused, conv1_write, threshold_write, engine_write} <= '0;
+      {have, sizes_known, verified, refused, conv1_write, threshold_write, engine_write} <= '0;
     end
   end
 endmodule

@@ -55,6 +55,8 @@ module banks_and_flight (
   // Connected by prove.py.
   (* keep *) wire [2:0] loader_state;
   (* keep *) wire [1:0] flight_count;
+  (* keep *) wire loader_taken, loader_last;
+  (* keep *) wire [31:0] loader_word;
 
   wire writes = conv1_write != '0 || threshold_write || engine_write != '0;
 
@@ -70,7 +72,7 @@ module banks_and_flight (
   // Whether the word before was the last one, and the CRC's.
   logic was_right;
   always_ff @(posedge clk)
-    was_right <= rst_n && loader_state == 3'd6 && word_valid && word_ready && word_last && word == crc;
+    was_right <= rst_n && loader_state == 3'd6 && loader_taken && loader_last && loader_word == crc;
 
   // Whether the loader has a bank open, from the word that opens it to its end.
   logic open;

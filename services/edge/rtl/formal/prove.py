@@ -42,7 +42,13 @@ PROPERTIES = {
     ),
     "banks_and_flight": Property(
         ("bpn_loader.sv", "bpn_banks.sv", "bpn_flight.sv", "formal/any_crc.sv"),
-        {"loader_state": "u_loader.state", "flight_count": "u_flight.count"},
+        {
+            "loader_state": "u_loader.state",
+            "loader_taken": "u_loader.taken",
+            "loader_last": "u_loader.last",
+            "loader_word": "u_loader.set_word",
+            "flight_count": "u_flight.count",
+        },
         ("bpn_crc32",),
     ),
 }
