@@ -11,7 +11,7 @@ PACKAGES := shared services/edge services/learner services/robot services/robot_
 SOURCES := $(PACKAGES:%=%/bpn*)
 
 .DEFAULT_GOAL := help
-.PHONY: help up dev check test dist test-dist test-cross docs coverage images check-manifests mutants fuzz test-rtl test-sanitized test-browser test-observability test-environments test-trackers test-containers test-chaos test-fresh-machine screenshots lint check-claims version format bench bench-sweep reproduce reproduce-quick doctor clean
+.PHONY: help up dev check test dist test-dist test-cross docs coverage images check-manifests mutants fuzz test-rtl test-sanitized test-browser test-observability test-weights test-environments test-trackers test-containers test-chaos test-fresh-machine screenshots lint check-claims version format bench bench-sweep reproduce reproduce-quick doctor clean
 
 help:            ## this list
 	@grep -hE '^[a-z-]+: .*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 20
@@ -23,7 +23,7 @@ dev: $(DEV)      ## install what tests, benchmarks and figures need beside
 	@true
 
 # More of them: make check QUICK="tests/unit tests/contract"
-QUICK ?= tests/unit/shared tests/unit/edge tests/unit/tasks
+QUICK ?= tests/unit/shared tests/unit/edge tests/unit/tasks --ignore=tests/unit/edge/test_kernel_exactness.py
 
 check: $(DEV)    ## the inner loop, under a minute on an idle machine: ruff, import-linter, unit tests of what all share
 	$(BIN)/ruff check .
@@ -101,6 +101,9 @@ check-manifests: $(VENV)/checkov-$(CHECKOV)/bin/checkov ## Kubernetes' manifests
 	kubectl kustomize deploy/kubernetes >$(VENV)/manifests.yaml
 	$< --framework kubernetes --file $(VENV)/manifests.yaml --skip-check CKV_K8S_15,CKV_K8S_43 \
 	  --skip-download --compact --quiet
+
+test-weights: $(DEV) ## the weights of every task and algorithm, as they always were (minutes)
+	BPN_ALL_WEIGHTS=1 $(BIN)/pytest tests/integration/test_golden_weights.py
 
 test-containers: $(DEV) ## build the images, run the whole loop in containers (any Docker Engine from 25 on)
 	sh deploy/check-system.sh $(PYTHON) observability

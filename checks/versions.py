@@ -24,7 +24,6 @@ _OWN = r'^version = "([^"]+)"'
 _PINS = r'"bpn-[a-z-]+(?:\[[a-z,]+\])?==([^"]+)"'
 _REPEATED = {
     **{f"{folder}/pyproject.toml": (_OWN, _PINS) for folder in DISTRIBUTIONS},
-    **{f"examples/own_{name}/pyproject.toml": (_OWN,) for name in ("callback", "kernel", "task")},
     ".env": (r"^BPN_VERSION=(.+)$",),
     "CITATION.cff": (r"^version: (.+)$",),
     "deploy/kubernetes/kustomization.yaml": (r"newTag: (\S+)",),
@@ -33,7 +32,12 @@ _REPEATED = {
         r'"name": "bpn-dashboard-web",\s+"version": "([^"]+)"',
     ),
 }
-"""File -> patterns whose group is the version."""
+
+
+def repeated(root: Path) -> dict[str, tuple[str, ...]]:
+    """Every file that repeats the version, the examples' too, and the patterns whose group it is."""
+    examples = sorted(root.glob("examples/*/pyproject.toml"))
+    return _REPEATED | {path.relative_to(root).as_posix(): (_OWN,) for path in examples}
 
 
 def version(root: Path) -> str:
@@ -44,7 +48,7 @@ def version(root: Path) -> str:
 def check(root: Path) -> Iterator[str]:
     """One line for every file with another version, or none, and every other licence."""
     wanted = version(root)
-    for name, patterns in _REPEATED.items():
+    for name, patterns in repeated(root).items():
         text = (root / name).read_text()
         found = {said for pattern in patterns for said in re.findall(pattern, text, re.MULTILINE)}
         if found != {wanted}:
@@ -59,7 +63,7 @@ def check(root: Path) -> Iterator[str]:
 def write(root: Path) -> None:
     """Writes the version wherever it is repeated."""
     wanted = version(root)
-    for name, patterns in _REPEATED.items():
+    for name, patterns in repeated(root).items():
         text = (root / name).read_text()
         for pattern in patterns:
             text = re.sub(

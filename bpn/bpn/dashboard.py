@@ -37,7 +37,7 @@ class Dashboard:
 
     Args:
         url: such as http://127.0.0.1:8000.
-        token: one that `bpn dashboard` made.
+        token: one that an admin made, or the one in the runs folder's .dashboard.json.
         certificate: file with the one that it shows; None: it speaks plain HTTP.
 
     Attributes:
@@ -51,7 +51,7 @@ class Dashboard:
         self.url, self.endpoint = url, endpoint
         self._http = httpx.Client(
             base_url=url,
-            headers={"Authorization": f"Bearer {token}"},
+            headers={"Authorization": f"Bearer {token}"} if token else {},
             timeout=_TIMEOUT_S,
             verify=_trust(certificate),
         )

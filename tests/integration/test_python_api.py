@@ -2,12 +2,14 @@
 
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import bpn
+from bpn.dashboard import DashboardAwayError
 from bpn_shared.bnn import golden
 from bpn_shared.bnn.blob import WeightBlob
 from bpn_shared.errors import InputError
@@ -140,6 +142,15 @@ def test_the_docs_program_has_eight_lines_and_runs(run: bpn.Run) -> None:
     policy, (first, *_) = run.policy(), run.episodes(1)
     action = policy.act(policy.observation(list(first.frames[:1])))
     assert done.stdout.splitlines()[0].split()[0] == policy.task.action_names[action].split()[0]
+
+
+def test_a_dashboard_that_is_away_is_said_with_and_without_a_token(
+    free_tcp_port: Callable[[], int],
+) -> None:
+    url = f"http://127.0.0.1:{free_tcp_port()}"
+    for dashboard in (bpn.Dashboard(url), bpn.Dashboard(url, "token")):
+        with pytest.raises(DashboardAwayError, match=r"does not answer: .*[Cc]onnect"):
+            dashboard.runs()
 
 
 def test_importing_it_is_light() -> None:

@@ -16,15 +16,17 @@ if TYPE_CHECKING:
 
 
 @torch.no_grad()
-def reestimate_batch_norm(network: "BinaryNetwork", observations: Tensor, batch: int = 256) -> None:
+def reestimate_batch_norm(
+    network: "BinaryNetwork", observations: Tensor, batch_size: int = 256
+) -> None:
     """Sets `network.mean` and `network.var`, layer l's with layers below l evaluated with theirs.
 
-    The integers' sums are exact (int64 of a batch, then Python's), so the result does not depend on `batch` nor
-    on the order of observations.
+    The integers' sums are exact (int64 of a batch, then Python's), so the result depends neither on how
+    observations are batched nor on their order.
 
     Args:
         observations: uint8[n, C, rows, columns], n >= 1.
-        batch: observations in one forward pass.
+        batch_size: observations in one forward pass.
 
     Raises:
         ValueError: there is no observation.
@@ -32,7 +34,7 @@ def reestimate_batch_norm(network: "BinaryNetwork", observations: Tensor, batch:
     if len(observations) == 0:
         raise ValueError("batch norm needs at least 1 observation to estimate from, got 0")
     layers, weights = network.spec.layers, network.signs()
-    inputs = list(torch.split(observations, batch))
+    inputs = list(torch.split(observations, batch_size))
     first = 0
     for index, layer in enumerate(layers[:-1]):
         outputs = [exact_dot_products(layer, weights[index], x.float()) for x in inputs]

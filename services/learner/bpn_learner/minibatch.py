@@ -92,11 +92,12 @@ def autograd_gradients(
         pixels: uint8[n, rows, columns, C]: rows that index_select copies whole.
     """
     together = _Gradients(list(network.parameters()))
+    taken = actions.reshape(len(actions), -1)
 
     def gradients(batch: Tensor) -> Tensor:
         part = group.shard(batch)
         P = network(pixels.index_select(0, part).float().permute(0, 3, 1, 2), group)
-        P_taken = P.gather(1, actions[part].view(len(part), -1)).sum(dim=1)
+        P_taken = P.gather(1, taken[part]).sum(dim=1)
         loss = (y[part] - P_taken).square().sum() / (2 * len(batch))  # J, section IV-C
         together.vector.zero_()
         together.set()

@@ -50,7 +50,7 @@ def test_learning_curves_compare_what_the_paper_compares(name: str) -> None:
     assert (
         RunConfig.for_task(name).hidden_units in sizes
     )  # the runs that everything else talks about
-    changed = {"algorithm", "kernel", "hidden_units", "seed"}
+    changed = {"algorithm", "algorithm_spec", "kernel", "hidden_units", "seed"}
     preset = RunConfig.for_task(name).model_dump(exclude=changed)
     assert all(config.model_dump(exclude=changed) == preset for config in plan(name))
 

@@ -23,7 +23,11 @@ ROOT = Path(__file__).parents[3]
 
 def copied(root: Path) -> Path:
     """The files that say a version, and the licences."""
-    names = [*versions._REPEATED, "LICENSE", *(f"{one}/LICENSE" for one in versions.DISTRIBUTIONS)]
+    names = [
+        *versions.repeated(ROOT),
+        "LICENSE",
+        *(f"{one}/LICENSE" for one in versions.DISTRIBUTIONS),
+    ]
     for name in names:
         (root / name).parent.mkdir(parents=True, exist_ok=True)
         shutil.copy(ROOT / name, root / name)
@@ -44,7 +48,7 @@ def test_every_distribution_is_among_them() -> None:
         for name in listed.stdout.split()
         if "project" in tomllib.loads((ROOT / name).read_text())
     }
-    assert projects == {name for name in versions._REPEATED if name.endswith("pyproject.toml")}
+    assert projects == {name for name in versions.repeated(ROOT) if name.endswith("pyproject.toml")}
 
 
 def test_another_version_is_written_everywhere(tmp_path: Path) -> None:
@@ -52,7 +56,7 @@ def test_another_version_is_written_everywhere(tmp_path: Path) -> None:
     source = root / versions.SOURCE
     source.write_text(source.read_text().replace(f'version = "{VERSION}"', 'version = "7.8.9"'))
     # All but the source: its own line is right already, and it depends on none of ours.
-    assert len(list(versions.check(root))) == len(versions._REPEATED) - 1
+    assert len(list(versions.check(root))) == len(versions.repeated(root)) - 1
     versions.write(root)
     assert list(versions.check(root)) == []
     assert '"bpn-edge[float]==7.8.9"' in (root / "bpn/pyproject.toml").read_text()

@@ -46,7 +46,7 @@ def test_an_image_has_the_size_that_is_asked_for() -> None:
     image = camera.render(data)
     camera.close()
     expected = np.zeros((1, 40, 40), np.uint8)
-    # One metre is 10 px: x from -1 m to 0 m, y from 0.75 m to 1.25 m above the middle, whose edges are half pixels.
+    # One metre is 10 px: x from -1 m to 0 m, y from 0.75 m to 1.25 m above the middle, in halves of pixels.
     expected[:, 8:12, 10:20] = 51
     assert image.shape == (1, 40, 40)
     np.testing.assert_array_equal(image[:, 8:12], expected[:, 8:12])
