@@ -10,6 +10,7 @@ from typing import Any
 
 import psutil
 import pytest
+from flags import flags
 from pool import LONG_S, frozen, running_pool
 
 from bpn_shared.runs.folder import RunFolder
@@ -33,11 +34,7 @@ def undisturbed(train: Callable[..., dict[str, Any]]) -> str:
 
 
 def options() -> list[str]:
-    given = {key: value for key, value in CONFIG.items() if key != "task"}
-    return [
-        "reaching",
-        *(part for key, value in given.items() for part in (f"--{key}", str(value))),
-    ]
+    return ["reaching", *flags(CONFIG)]
 
 
 def test_with_an_idle_learner_beside_it_the_run_of_a_frozen_one_goes_on(

@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from flags import flags
 from pool import LONG_S, Pool, frozen, running_pool
 
 from bpn.dashboard import Dashboard, DashboardError
@@ -139,8 +140,7 @@ def test_an_edge_of_an_older_protocol_is_named_at_the_run_that_lacks_it(
 def test_without_a_router_runs_say_so_and_go_on_when_it_is_back(
     tmp_path: Path, wait_for: WaitFor, train: Callable[..., dict[str, Any]]
 ) -> None:
-    given = [part for key, value in CONFIG.items() if key != "task"
-             for part in (f"--{key}", str(value))]  # fmt: skip
+    given = flags(CONFIG)
     undisturbed = train("reaching", *given)["weights_sha256"]
     with (
         running_pool(tmp_path / "runs") as pool,

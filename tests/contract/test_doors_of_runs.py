@@ -6,6 +6,7 @@ from typing import Any
 
 import pytest
 from fastapi.testclient import TestClient
+from flags import flags
 
 from bpn.cli import parse
 from bpn.commands import train
@@ -134,8 +135,7 @@ def robot_worker(open_bus: Callable[[], Bus]) -> Iterator[None]:
 
 
 def words(task: str, values: Values) -> list[str]:
-    options = [[f"--{name.replace('_', '-')}", str(value)] for name, value in values.items()]
-    return [task, *(word for option in options for word in option)]
+    return [task, *flags(values)]
 
 
 def doors(served: Served) -> dict[str, Door]:

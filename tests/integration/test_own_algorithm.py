@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from flags import flags
 from pool import Pool, running_pool
 
 from bpn_shared.messages.episode import Episode
@@ -45,10 +46,9 @@ def trained(
     site: Path, command: Command, tmp_path_factory: pytest.TempPathFactory
 ) -> dict[str, Any]:
     runs_dir = tmp_path_factory.mktemp("runs")
-    given = [w for name, v in SMALL.items() for w in (f"--{name.replace('_', '-')}", str(v))]
     done = subprocess.run(
         command(
-            "train", "reaching", "--algorithm", "hedged", "--algorithm-options", OPTIONS, *given, "--json",
+            "train", "reaching", "--algorithm", "hedged", "--algorithm-options", OPTIONS, *flags(SMALL), "--json",
             "--runs-dir", str(runs_dir),
         ),
         env=os.environ | {"PYTHONPATH": str(site)},

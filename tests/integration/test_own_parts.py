@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 from example_packages import ALL, install_examples
+from flags import flags
 from pool import Pool, running_pool
 
 from bpn.testing import check_kernel
@@ -59,10 +60,6 @@ def environment(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     return install_examples(site, *ALL)
 
 
-def options(values: dict[str, Any]) -> list[str]:
-    return [word for name, value in values.items() for word in (f"--{name}", str(value))]
-
-
 @pytest.fixture(scope="module")
 def trained(
     environment: dict[str, str], command: Command, tmp_path_factory: pytest.TempPathFactory
@@ -70,7 +67,7 @@ def trained(
     runs_dir = tmp_path_factory.mktemp("runs")
 
     def train(**values: Any) -> dict[str, Any]:
-        words = ["train", "centre", *options(SMALL | values), "--json", "--runs-dir", str(runs_dir)]
+        words = ["train", "centre", *flags(SMALL | values), "--json", "--runs-dir", str(runs_dir)]
         done = subprocess.run(
             command(*words), env=environment, capture_output=True, text=True, timeout=200, check=False
         )  # fmt: skip

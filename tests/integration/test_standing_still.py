@@ -8,6 +8,7 @@ from typing import Any
 
 import psutil
 import pytest
+from flags import flags
 from pool import frozen
 
 from bpn.evaluation.trials import TrialPlan, play
@@ -37,8 +38,7 @@ def names_the_edge(said: list[str]) -> bool:
 
 
 def test_trials(train: Callable[..., dict[str, Any]], wait_for: WaitFor) -> None:
-    options = [part for key, value in SMALL.items() for part in (f"--{key}", str(value))]
-    run = train("tracking", *options, "--episodes", "2")
+    run = train("tracking", *flags(SMALL), "--episodes", "2")
     folder = RunFolder.open(Path(run["runs_dir"]), run["run_id"])
     trials = TrialPlan(4, "greedy", seed=3, changes={"pacing": "realtime"})
     said, moved = [], []
