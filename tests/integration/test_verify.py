@@ -35,6 +35,9 @@ RUNS = {
     "dpp": ["reaching", "--algorithm", "dpp", "--robots", "2"],
     "pan and tilt": ["pan_tilt", "--steps", "12", "--alpha", "0.6", "--backend", "torch"],
     "gym": ["gym:CartPole-v1", "--steps", "25", "--frame-skip", "2", "--alpha", "0.6"],
+    "beyond the paper": ["tracking", "--steps", "12", "--alpha", "0.6", "--n-step", "3", "--gap-floor", "2",
+                         "--max-updates", "7", "--replay-transitions", "60", "--bootstrap-terminals", "false",
+                         "--disturb", "noise=0..25,offset=-30..30,jpeg=30..90,backlash=2"],
     "two learners": ["reaching", "--learners", "2", "--alpha", "0.6", "--robots", "2"],
     "two float learners": ["reaching", "--algorithm", "cvi", "--learners", "2", "--alpha", "0.6"],
 }  # fmt: skip

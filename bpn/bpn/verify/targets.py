@@ -112,14 +112,14 @@ def _over_steps(
     for length in lengths:
         for t in range(begin, begin + length):
             end = min(t + config.n_step, begin + length)
-            total = first[t].double()
+            total = first[t]
             for k in range(1, end - t):
-                total = total + config.gamma**k * later[t + k].double()
-            discount = config.gamma ** (end - t)
-            total = total + discount * following[end - 1].double()
-            sums.append(total + (discount - config.gamma) * value)
+                total = total + config.gamma**k * later[t + k]
+            discount = torch.tensor(config.gamma ** (end - t))
+            total = total + (discount - config.gamma) * value
+            sums.append(total + discount * following[end - 1])
         begin += length
-    return torch.stack(sums).float()
+    return torch.stack(sums)
 
 
 def mellowmax(P: Tensor, beta: float) -> Tensor:
