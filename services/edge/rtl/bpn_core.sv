@@ -277,150 +277,47 @@ module bpn_core (
       .map_word
   );
 
-  // The engine: what it does next, the memories that it reads, its sums.
-  logic idle, step, is_bias, is_first, is_last;
-  logic [1:0] layer;
-  logic [7:0] input_address;
-  logic [bpn::WEIGHT_W-1:0] weight_address;
-  logic [bpn::GROUP_W-1:0] group;
+  // The layers after conv1.
+  logic idle, output_done;
   logic [7:0] conv1_words[2];
-  logic [6:0] conv2_words;
-  logic [5:0] conv3_words;
-  logic [bpn::GROUP_W-1:0] fc1_words;
+  logic [255:0] weights;
+  logic [15:0] conv1_input, maps_input;
+  logic [bpn::GROUP_W-1:0] done_group;
+  logic [16*bpn::ACC_W-1:0] sums;
 
-  bpn_schedule u_schedule (
+  bpn_engine u_engine (
       .clk,
       .rst_n,
       .active(flying),
+      .frame(oldest),
+      .bank(oldest_bank),
       .node_groups,
       .action_groups,
       .clear(finish),
       .conv1_words(conv1_words[oldest]),
-      .conv2_words,
-      .conv3_words,
-      .fc1_words,
-      .hold(hold_engine),
       .idle,
-      .step,
-      .layer,
-      .map_address(input_address),
-      .weight_address,
-      .group,
-      .is_bias,
-      .is_first,
-      .is_last
-  );
-
-  // Engine maps lie in one memory: conv2's 81 words from 0, conv3's 49 from 128, FC(N)'s from 192.
-  logic stepped, stepped_bias, stepped_first, stepped_last;
-  logic [1:0] stepped_layer;
-  logic [1:0] from_conv1;
-  logic [15:0] inputs;
-  logic [bpn::GROUP_W-1:0] stepped_group;
-  localparam int STEP_W = bpn::GROUP_W + 6;
-  logic [STEP_W-1:0] stepping;
-  logic [bpn::WEIGHT_W:0] weights_read, weights_read_next;
-  logic [8:0] conv1_read;
-  logic [7:0] maps_read;
-  logic [255:0] weights;
-  logic [15:0] conv1_input, maps_input;
-  logic done;
-  logic [1:0] done_layer;
-  logic [bpn::GROUP_W-1:0] done_group;
-  logic [15:0] active;
-  logic [16*bpn::ACC_W-1:0] sums;
-  logic [7:0] done_address;
-
-  always_ff @(posedge clk) begin
-    // Activations are read a clock before their weights, for the clock in which one of two maps is chosen.
-    {stepped, stepping} <= {stepping[STEP_W-1], step, layer, group, is_bias, is_first, is_last};
-    {stepped_layer, stepped_group, stepped_bias, stepped_first, stepped_last} <= stepping[STEP_W-2:0];
-    from_conv1 <= {from_conv1[0], stepping[STEP_W-2-:2] == 2'd0};
-    inputs <= from_conv1[1] ? conv1_input : maps_input;
-    weights_read <= weights_read_next;
-    if (host_engine) begin
-      weights_read_next <= {memory_address[27], memory_address[3+:bpn::WEIGHT_W]};
-      conv1_read <= {newest, memory_address[7:0]};
-      maps_read <= memory_address[7:0];
-    end else begin
-      weights_read_next <= {oldest_bank, weight_address};
-      conv1_read <= {oldest, input_address};
-      case (layer)
-        2'd1: maps_read <= {1'b0, input_address[6:0]};
-        2'd2: maps_read <= {2'b10, input_address[5:0]};
-        default: maps_read <= {2'b11, input_address[5:0]};
-      endcase
-    end
-    if (!rst_n) {stepped, stepping} <= '0;
-  end
-
-  bpn_ram #(
-      .DEPTH(2 ** (bpn::WEIGHT_W + 1)),
-      .LANES(8),
-      .LANE (32)
-  ) u_weights (
-      .clk,
-      .write(engine_write),
-      .write_address({load_bank, engine_address}),
+      .map_write,
+      .map_half,
+      .map_address,
+      .map_word,
+      .weight_write(engine_write),
+      .write_bank(load_bank),
+      .write_address(engine_address),
       .write_data(load_data),
-      .read_address(weights_read),
-      .read_data(weights)
-  );
-
-  bpn_ram #(
-      .DEPTH(512),
-      .LANES(1),
-      .LANE (16)
-  ) u_conv1_map (
-      .clk,
-      .write(map_write),
-      .write_address({map_half, map_address}),
-      .write_data(map_word),
-      .read_address(conv1_read),
-      .read_data(conv1_input)
-  );
-
-  always_comb
-    case (done_layer)
-      2'd0: done_address = {1'b0, conv2_words};
-      2'd1: done_address = {2'b10, conv3_words};
-      default: done_address = {2'b11, 6'(done_group)};
-    endcase
-
-  bpn_ram #(
-      .DEPTH(256),
-      .LANES(1),
-      .LANE (16)
-  ) u_maps (
-      .clk,
-      .write(done && done_layer != 2'd3),
-      .write_address(done_address),
-      .write_data(active),
-      .read_address(maps_read),
-      .read_data(maps_input)
-  );
-
-  bpn_xnor u_xnor (
-      .clk,
-      .rst_n,
-      .step(stepped),
-      .layer(stepped_layer),
-      .group(stepped_group),
-      .is_bias(stepped_bias),
-      .is_first(stepped_first),
-      .is_last(stepped_last),
-      .inputs,
+      .hold(hold_engine),
+      .host_read(host_engine),
+      .host_bank(memory_address[27]),
+      .host_frame(newest),
+      .host_address(memory_address[bpn::WEIGHT_W+2:0]),
       .weights,
-      .done,
-      .done_layer,
+      .conv1_input,
+      .maps_input,
+      .output_done,
       .done_group,
-      .active,
       .sums
   );
 
   // How far the frames are.
-  wire output_done = done && done_layer == 2'd3;
-
   logic [31:0] clocks;
   logic [31:0] begun_at[2], ended_at[2];
   wire result = finish && !oldest_misaligned;
@@ -435,14 +332,6 @@ module bpn_core (
     end
     if (pixels_done) ended_at[newest] <= clocks;
     if (map_write) conv1_words[map_half] <= conv1_words[map_half] + 1'b1;
-    if (done)
-      case (done_layer)
-        2'd0: conv2_words <= conv2_words + 1'b1;
-        2'd1: conv3_words <= conv3_words + 1'b1;
-        2'd2: fc1_words <= fc1_words + 1'b1;
-        default: ;
-      endcase
-    if (finish || !rst_n) {conv2_words, conv3_words, fc1_words} <= '0;
     if (!rst_n) clocks <= '0;
   end
 
