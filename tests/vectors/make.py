@@ -71,6 +71,13 @@ def vectors() -> Iterator[tuple[str, WeightBlob, list[Observation]]]:
             blob,
             images,
         )
+    blob = before_refused()
+    yield "before-refused", blob, [make_image("random", blob.spec, rng)]
+
+
+def before_refused() -> WeightBlob:
+    """What most of the blobs that are to be refused were before."""
+    return WeightBlob.random(spec(1, 5, "4x3x9", 10, 5), np.random.default_rng(7))
 
 
 def tied(blob: WeightBlob, image: Observation, rng: np.random.Generator) -> WeightBlob:
@@ -101,7 +108,7 @@ def sealed(data: bytes | bytearray) -> bytes:
 
 def refused() -> Iterator[tuple[str, bytes]]:
     """Blobs that no reader may take, each for one reason; but for the first three their digests are right."""
-    whole = WeightBlob.random(spec(1, 5, "4x3x9", 10, 5), np.random.default_rng(7)).encode()
+    whole = before_refused().encode()
     yield "altered", bytes([*whole[:200], whole[200] ^ 1, *whole[201:]])
     yield "truncated", whole[:-1]
     yield "oversized", whole + b"\0"
@@ -120,17 +127,47 @@ def refused() -> Iterator[tuple[str, bytes]]:
     yield "reserved-byte", changed(14, b"\1")
     yield "lambda-not-finite", changed(40, struct.pack("<f", np.inf))
     yield "lambda-not-positive", changed(40, struct.pack("<f", 0.0))
+    yield "lambda-negative", changed(40, struct.pack("<f", -0.5))
+    yield "lambda-not-a-number", changed(40, struct.pack("<f", np.nan))
+    yield "older-schema", changed(4, struct.pack("<H", 0))
+    yield "too-many-channels", changed(6, struct.pack("<H", 17))
+    yield "no-stride", changed(50, struct.pack("<H", 0))
+    yield "reserved-behind-lambda", changed(47, b"\1")
+    yield "reserved-of-a-layer", changed(48 + 6, b"\1")
+    yield "padding-of-the-header", changed(127, b"\1")
     yield "padding-of-a-row", changed(128 + 3, b"\x80")
+    yield "padding-behind-signs", changed(128 + 9 * 4, b"\1")
     yield "padding-behind-a-section", changed(len(body) - 1, b"\1")
+    yield "a-dimension-without-choice", one_choice()
+    older = dense(WeightBlob.random(spec(1, 1, PAPER, 84, 2), np.random.default_rng(7)))
+    of_fc2 = 40 + (512 + 2048 + 2304 + 784) // 8
+    yield "schema-1-padding", sealed(padded(older[:-DIGEST_BYTES], of_fc2))
+    yield "schema-1-truncated", sealed(older[: -DIGEST_BYTES - 1])
+
+
+def one_choice() -> bytes:
+    """Five actions as two dimensions, of which one has a single choice."""
+    shape = spec(1, 5, "4x3x9", 10, 2, 3)
+    body = bytearray(WeightBlob.random(shape, np.random.default_rng(7)).encode()[:-DIGEST_BYTES])
+    struct.pack_into("<HH", body, 48 + 3 * 8, 1, 4)
+    return sealed(body)
+
+
+def padded(body: bytes, at: int) -> bytes:
+    """With the highest bit of a byte set."""
+    return bytes([*body[:at], body[at] | 0x80, *body[at + 1 :]])
 
 
 def files() -> Iterator[tuple[str, bytes]]:
     """Every file of the vectors."""
+    hashes = ""
     for name, blob, images in vectors():
+        hashes += f"{blob.content_sha256()}  {name}\n"
         yield f"{name}.bpnw", blob.encode()
         yield f"{name}.bin", answers(blob, images)
-        if name == "paper-smallest":
-            yield "paper-smallest.schema-1.bpnw", dense(blob)
+        if name.startswith("paper"):
+            yield f"{name}.schema-1.bpnw", dense(blob)
+    yield "weights_sha256", hashes.encode()
     for name, data in refused():
         yield f"refused/{name}.bpnw", data
 
