@@ -76,8 +76,13 @@ def terminal(directory: Path, *arguments: str) -> Iterator[Terminal]:
 
 
 def newest_run(pool: Pool) -> dict[str, Any]:
+    """Empty until there is one."""
     runs: list[dict[str, Any]] = pool.dashboard._call("GET", "/runs?sort=-created_at")["items"]
-    return runs[0]
+    return runs[0] if runs else {}
+
+
+def told_of(pool: Pool, key: str) -> str:
+    return str(newest_run(pool).get(key, ""))
 
 
 def readable_s(wait_for: WaitFor, sentence: str, **doors: Callable[[], str]) -> None:
@@ -104,7 +109,7 @@ def test_where_no_edge_has_onnx_runtime_a_float_run_fails_with_that_reason(
             readable_s(
                 wait_for,
                 sentence,
-                rest=lambda: newest_run(pool)["error"],
+                rest=lambda: told_of(pool, "error"),
                 terminal=lambda: shown.said,
             )
             assert shown.process.wait(30) == 1
@@ -132,7 +137,7 @@ def test_an_edge_of_an_older_protocol_is_named_at_the_run_that_lacks_it(
         readable_s(
             wait_for,
             "edge-b2d36365fab3 speaks protocol 1",
-            rest=lambda: told(newest_run(pool)["waiting_reason"]),
+            rest=lambda: told(told_of(pool, "waiting_reason")),
             terminal=lambda: told(shown.said),
         )
 
@@ -146,7 +151,7 @@ def test_without_a_router_runs_say_so_and_go_on_when_it_is_back(
         running_pool(tmp_path / "runs") as pool,
         terminal(tmp_path, "reaching", *given, "--runs-dir", str(pool.runs_dir)) as shown,
     ):
-        wait_for(lambda: newest_run(pool)["state"] == "running", "the run to begin", LONG_S)
+        wait_for(lambda: told_of(pool, "state") == "running", "the run to begin", LONG_S)
         run_id = newest_run(pool)["id"]
         wait_for(pool.folder(run_id).episode_path(0, 3).exists, "episodes", LONG_S)
         (router,) = pool.services("bpn_shared.bus.router")
@@ -219,7 +224,7 @@ def test_on_a_full_disk_a_run_says_so_and_goes_on_when_there_is_room(
             "--runs-dir", str(pool.runs_dir),
         ) as shown,
     ):  # fmt: skip
-        wait_for(lambda: newest_run(pool)["state"] == "running", "the run to begin", LONG_S)
+        wait_for(lambda: told_of(pool, "state") == "running", "the run to begin", LONG_S)
         run_id = newest_run(pool)["id"]
         wait_for(pool.folder(run_id).episode_path(0, 3).exists, "episodes", LONG_S)
         ballast = small_disk / "ballast"
