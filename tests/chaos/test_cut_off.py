@@ -46,7 +46,7 @@ def test_the_run_of_a_learner_that_is_cut_off_goes_on_at_another(
     endpoint = f"tcp/localhost:{port}"
     up = subprocess.Popen(
         command(
-            "up", "--learners", "0", "--robots", "1", "--port", "0",
+            "up", "--learners", "0", "--robots", "1", "--port", "0", "--first-run", "reaching",
             "--listen", endpoint, "--runs-dir", str(runs),
         ),
         stdout=subprocess.DEVNULL,

@@ -27,7 +27,7 @@ def test_a_worker_of_another_machine_takes_part(
     make(certificates, days=1, server_names=["localhost"])
     up = subprocess.Popen(
         command(
-            "up", "--runs-dir", str(runs), "--port", "0", "--edges", "0",
+            "up", "--runs-dir", str(runs), "--port", "0", "--edges", "0", "--first-run", "reaching",
             "--listen", f"tls/0.0.0.0:{port}", "--certificates", str(certificates),
         ),
         stdout=subprocess.DEVNULL,
