@@ -67,7 +67,7 @@ def test_what_the_router_would_refuse_is_told_at_once(
     listen: str | None, certified: bool, said: str, tmp_path: Path,
     capsys: pytest.CaptureFixture[str],
 ) -> None:  # fmt: skip
-    options = ["up", "--runs-dir", str(tmp_path / "runs")]
+    options = ["up", "--port", "0", "--runs-dir", str(tmp_path / "runs")]
     if listen is not None:
         options += ["--listen", listen]
     if certified:
@@ -88,7 +88,7 @@ def test_a_role_without_its_key_is_named(
     make(tmp_path / "certificates", days=1, server_names=["localhost"])
     (tmp_path / "certificates" / "edge" / KEY).unlink()
     options = ["--listen", "tls/localhost:0", "--certificates", str(tmp_path / "certificates")]
-    assert main(["up", "--runs-dir", str(tmp_path / "runs"), *options]) == 2
+    assert main(["up", "--port", "0", "--runs-dir", str(tmp_path / "runs"), *options]) == 2
     assert str(tmp_path / "certificates" / "edge" / KEY) in capsys.readouterr().err
 
 
