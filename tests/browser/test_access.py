@@ -71,7 +71,7 @@ def test_axe_finds_nothing(
         results = Axe().run(page, options=WCAG)
         if results.violations_count:
             found[name] = [
-                (v["id"], [node["html"][:200] for node in v["nodes"]])
+                (v["id"], [(node["html"][:200], node["failureSummary"]) for node in v["nodes"]])
                 for v in results.response["violations"]
             ]
     assert found == {}, json.dumps(found, indent=1)
