@@ -312,3 +312,20 @@ def test_a_number_may_be_all_of_its_range_and_nothing_else(name: str) -> None:
     for value in (below, above, math.nan):
         with pytest.raises(ValidationError):
             adapter.validate_python(value)
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ("[" * 3000, "recursion"),
+        ('{"a": ' * 3000, "recursion"),
+        ('{"a": 1e999}', "1e999 is too large a number"),
+        ('{"a": [-1e999]}', "-1e999 is too large a number"),
+    ],
+)
+def test_options_of_an_algorithm_that_no_file_could_hold_are_refused(
+    given: str, message: str
+) -> None:
+    with pytest.raises(ConfigError, match="algorithm_options") as refused:
+        RunConfig.for_task("reaching", algorithm_options=given)
+    assert message in str(refused.value)
