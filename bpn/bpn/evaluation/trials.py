@@ -43,8 +43,8 @@ class TrialPlan:
         policy: greedy takes the best action, softmax draws as CVI's training does (Eq. 9), random ignores
             the network.
         seed: of the trials' starts and draws; trials with one seed are comparable across runs.
-        changes: of the run's configuration, such as its pacing, or disturbances in place of its own (None: its own,
-            in lockstep without their latency, as without its action delay).
+        changes: of the run's configuration, such as its pacing, or disturbances in place of its own (None: those,
+            in lockstep without latency).
     """
 
     count: int

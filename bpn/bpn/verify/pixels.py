@@ -1,7 +1,7 @@
 """Rewards from pixels, in numpy: minus a distance in pixels between what the frames show (docs/tasks).
 
-They are computed here a second time for the paper's tasks, where pictures are exact. Others are computed by the
-plug-in that the learner has them from, which shows that it recorded and used what that computes.
+They are computed here a second time for the paper's tasks, where pictures are exact. Others, a real camera's too, are
+computed by the plug-in that the learner has them from, which shows that it recorded and used what that computes.
 """
 
 import numpy as np
@@ -11,6 +11,7 @@ from bpn_shared.spec.disturbances import of_scope
 from bpn_shared.spec.rewards import RewardError, reward_function
 from bpn_shared.spec.tasks import TaskSpec
 from bpn_tasks.markers import HAND_LEVEL, PAN_TILT_MARKER, TARGET_LEVEL, TRACKING_TARGET, Disc
+from bpn_tasks.paths import markers_exact, target_exact
 
 Frames = npt.NDArray[np.uint8]
 Mask = npt.NDArray[np.bool_]
@@ -33,8 +34,7 @@ def rewards_of(task: TaskSpec, frames: Frames) -> npt.NDArray[np.float64]:
         PixelError: a marker is missing.
         PluginError: what computes them is not installed here.
     """
-    disturbed = of_scope(task.disturbances, "picture")
-    if task.rewards in (_REACHING, *_DISCS) and not disturbed:
+    if task.rewards is not None and _are_exact(task, frames[0]):
         return rewards_px(task.rewards, frames)
     function = reward_function(task)
     if function is None:
@@ -43,6 +43,14 @@ def rewards_of(task: TaskSpec, frames: Frames) -> npt.NDArray[np.float64]:
         return function(frames, task)
     except RewardError as error:
         raise PixelError(str(error)) from error
+
+
+def _are_exact(task: TaskSpec, first: Frames) -> bool:
+    if of_scope(task.disturbances, "picture"):
+        return False
+    if task.rewards == _REACHING:
+        return markers_exact(first)
+    return task.rewards in _DISCS and target_exact(first, _DISCS[task.rewards])
 
 
 def rewards_px(name: str, frames: Frames) -> npt.NDArray[np.float64]:

@@ -168,8 +168,8 @@ def answered(recording: Recording, step: int) -> list[int]:
     """The frames to one of which the step's action was the answer: its own, unless actions are delayed.
 
     A delayed action acts a time after its frame that the episode tells. Which period that falls into shifts by one
-    with the robot's clock, and by one more where the action before it acts first. With latencies of several lengths
-    the actions before it may hold it up for longer, until the longest latency is over.
+    with the robot's clock, and by one more where the action before it acts first. With latencies of several
+    lengths the actions before it may hold it up for longer, until the longest latency is over.
     """
     config, loop_ns = recording.config, int(recording.episode.camera_to_action_ns[step])
     if config.pacing == "lockstep":

@@ -24,7 +24,7 @@ PERIOD_NS = round(1e9 * TASK.control_period_s)
 def test_the_answered_frame_is_found_under_any_latency(
     data: st.DataObject, low_ms: float, more_ms: float, delay_ms: float
 ) -> None:
-    """Actions act in their order, one a period, each at the end of its own latency or when those before it have."""
+    """Actions act in their order, one a period, each after its own latency or when those before it have acted."""
     high_ms = min(2000.0, low_ms + more_ms)
     config = RunConfig.for_task(
         "reaching",

@@ -105,6 +105,10 @@ def test_every_task_has_a_preset_and_observations_of_its_network(task: TaskSpec)
             {"task": "gym:A-v1", "actions": 2, "pacing": "realtime"},
             "pacing = 'realtime': 'gym:A-v1' has no clock of its own; choose lockstep",
         ),
+        (
+            {"task": "gym:A-v1", "actions": 2, "disturb": "noise=5,backlash=3"},
+            "a Gymnasium environment has no servos with backlash; leave it out",
+        ),
         ({"task": "gym:"}, "task = 'gym:': must be gym:[MODULE:]ENVIRONMENT-ID"),
         ({"task": "gym"}, "task = 'gym': unknown; gym:[MODULE:]ENVIRONMENT-ID is what gym has"),
         ({"task": "reaching:far"}, "task = 'reaching:far': unknown; reaching is what reaching has"),
