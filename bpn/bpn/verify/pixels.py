@@ -1,7 +1,7 @@
 """Rewards from pixels, in numpy: minus a distance in pixels between what the frames show (docs/tasks).
 
-They are computed here a second time for the paper's tasks, where pictures are exact. Others, a real camera's too, are
-computed by the plug-in that the learner has them from, which shows that it recorded and used what that computes.
+They are computed here a second time for the paper's tasks, where pictures are exact. Others, a real camera's too,
+are computed by the plug-in that the learner has them from, which shows that it used what that computes.
 """
 
 import numpy as np
