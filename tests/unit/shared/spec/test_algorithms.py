@@ -25,7 +25,9 @@ def test_options_without_a_default_are_said_and_the_others_offered(
     monkeypatch.syspath_prepend(str(tmp_path))
     (tmp_path / "slow_of_theirs.py").write_text(_THEIRS)
     install(tmp_path, "slow", {"bpn.algorithms": {"slow": "slow_of_theirs:SLOW"}})
-    with pytest.raises(PluginError, match=r"slow 1\.0.*is broken: its options have no default: tau"):
+    with pytest.raises(
+        PluginError, match=r"slow 1\.0.*is broken: its options have no default: tau"
+    ):
         find_algorithm("slow")
     names = {algorithm.spec.name for algorithm in offered_algorithms()}
     assert "bpn" in names
