@@ -36,7 +36,7 @@ def reaching_path_px(frames: Frames, *, exact: bool = True) -> tuple[Positions, 
         RewardError: the frames have another shape, or a marker is missing.
     """
     _check(frames, channels=1)
-    if not exact or not markers_exact(frames[0]):
+    if not exact or not all(_drawn_flat(frames[0], level) for level in (TARGET_LEVEL, HAND_LEVEL)):
         hands, target = hand_and_target(frames)
         if target is None:
             raise _unseen(0, "target", f"pixel of gray level {TARGET_LEVEL}")
@@ -71,7 +71,7 @@ def target_path_px(frames: Frames, target: Disc, *, exact: bool = True) -> Posit
     """
     _check(frames, channels=3)
     see = _exactly(target)
-    if not exact or not target_exact(frames[0], target):
+    if not exact or exactness(frames[0], target) < _EXACT:
         see = ColouredDisc(target, frames[0]).see
     seen_px: Point | None = None
     path_px: list[Point] = []
@@ -85,16 +85,6 @@ def target_path_px(frames: Frames, target: Disc, *, exact: bool = True) -> Posit
             seen_px = nearest_on_border(*seen_px)
         path_px.append(seen_px)
     return np.array(path_px, np.float64)
-
-
-def markers_exact(first: Frames) -> bool:
-    """Whether hand and target have exactly their levels in an episode's first frame, uint8[1, 84, 84]."""
-    return all(_drawn_flat(first, level) for level in (TARGET_LEVEL, HAND_LEVEL))
-
-
-def target_exact(first: Frames, target: Disc) -> bool:
-    """Whether a target has exactly its colour in an episode's first frame, uint8[3, 84, 84]."""
-    return exactness(first, target) >= _EXACT
 
 
 def _drawn_flat(frame: Frames, level: int) -> bool:
