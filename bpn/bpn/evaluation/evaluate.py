@@ -54,7 +54,8 @@ def evaluate(
         version: of the weights; "best" is the one of the evaluations during training, None the newest.
         seed: of starts and draws; None: the run's.
         action_delay_ms: time added between a frame and its action's effect; needs realtime pacing.
-        disturb: disturbances of camera and servos, such as "noise=25,offset=-30..30"; "": none; None: the run's.
+        disturb: disturbances of camera and servos, such as "noise=25,offset=-30..30"; "": none; None: the run's,
+            in lockstep without its latency.
         kernel: an installed one, such as "golden"; None: the run's.
         robots: how many trials are played side by side.
         gym_modules: what may be imported for a `gym:` task.
@@ -72,7 +73,7 @@ def evaluate(
     changes = {
         "pacing": pacing,
         "action_delay_ms": action_delay_ms,
-        "disturb": run.config.disturb if disturb is None else disturb,
+        "disturb": disturb,
         "robots": robots,
         "kernel": kernel or run.config.kernel,
     }

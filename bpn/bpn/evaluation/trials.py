@@ -22,6 +22,8 @@ from bpn_shared.errors import InputError
 from bpn_shared.messages.episode import Episode
 from bpn_shared.runs.folder import RunFolder
 from bpn_shared.spec.config import ConfigError, RunConfig
+from bpn_shared.spec.disturbances import of_scope, shown
+from bpn_shared.spec.sections import Pacing
 
 PlayedPolicy = Literal["greedy", "softmax", "random"]
 OnProgress = Callable[[int], None]
@@ -41,7 +43,8 @@ class TrialPlan:
         policy: greedy takes the best action, softmax draws as CVI's training does (Eq. 9), random ignores
             the network.
         seed: of the trials' starts and draws; trials with one seed are comparable across runs.
-        changes: of the run's configuration, such as its pacing, or disturbances in place of its own.
+        changes: of the run's configuration, such as its pacing, or disturbances in place of its own (None: those,
+            in lockstep without latency).
     """
 
     count: int
@@ -55,13 +58,22 @@ class TrialPlan:
         Raises:
             ConfigError: a change is outside its range.
         """
-        disturb = self.changes.get("disturb", trained.disturb)
+        disturb = self.changes.get("disturb")
+        if disturb is None:
+            disturb = _kept(trained, self.changes.get("pacing", trained.pacing))
         try:
             task = trained.task_spec.disturbed(disturb)
         except InputError as error:
             raise ConfigError(f"disturb = {disturb!r}: {error}") from error
-        values = trained.model_dump() | self.changes | {"seed": self.seed, "task_spec": task}
-        return RunConfig.parse(values)
+        values = trained.model_dump() | self.changes
+        return RunConfig.parse(values | {"seed": self.seed, "task_spec": task, "disturb": disturb})
+
+
+def _kept(trained: RunConfig, pacing: Pacing) -> str:
+    """Of a run's disturbances, those that there are with another pacing: latency needs real time."""
+    levels = trained.task_spec.disturbances
+    timed = of_scope(levels, "time") if pacing == "lockstep" else {}
+    return shown({name: level for name, level in levels.items() if name not in timed})
 
 
 def play(

@@ -11,8 +11,10 @@ from bpn.run import Run
 
 
 def metrics_table(run: Run) -> Any:
-    """One row for each iteration; docs/metrics.md has the columns."""
-    return pa.Table.from_pylist(run.records())
+    """One row for each iteration; docs/metrics.md has the columns, null where an iteration did not measure one."""
+    records = run.records()
+    names = dict.fromkeys(name for record in records for name in record)
+    return pa.table({name: pa.array([record.get(name) for record in records]) for name in names})
 
 
 def steps_table(run: Run) -> Any:

@@ -1,7 +1,7 @@
 """Rewards from pixels, in numpy: minus a distance in pixels between what the frames show (docs/tasks).
 
-They are computed here a second time for the paper's tasks, where pictures are exact. Others are computed by the
-plug-in that the learner has them from, which shows that it recorded and used what that computes.
+They are computed here a second time for the paper's tasks, where pictures are exact. Others, a real camera's too,
+are computed by the plug-in that the learner has them from, which shows that it used what that computes.
 """
 
 import numpy as np
@@ -19,6 +19,7 @@ Point = npt.NDArray[np.float64]
 _LAST_PX = 83.0
 _MIDDLE_PX = _LAST_PX / 2
 _REACHING = "reaching"
+_ABOUT_LEVEL, _ABOUT_COLOUR = 12, 60
 _DISCS = {"tracking": TRACKING_TARGET, "pan_tilt": PAN_TILT_MARKER}
 
 
@@ -33,8 +34,7 @@ def rewards_of(task: TaskSpec, frames: Frames) -> npt.NDArray[np.float64]:
         PixelError: a marker is missing.
         PluginError: what computes them is not installed here.
     """
-    disturbed = of_scope(task.disturbances, "picture")
-    if task.rewards in (_REACHING, *_DISCS) and not disturbed:
+    if task.rewards is not None and _are_exact(task, frames[0]):
         return rewards_px(task.rewards, frames)
     function = reward_function(task)
     if function is None:
@@ -43,6 +43,22 @@ def rewards_of(task: TaskSpec, frames: Frames) -> npt.NDArray[np.float64]:
         return function(frames, task)
     except RewardError as error:
         raise PixelError(str(error)) from error
+
+
+def _are_exact(task: TaskSpec, first: Frames) -> bool:
+    if of_scope(task.disturbances, "picture"):
+        return False
+    if task.rewards == _REACHING:
+        return all(
+            _drawn_flat(first, (level,), _ABOUT_LEVEL) for level in (TARGET_LEVEL, HAND_LEVEL)
+        )
+    return task.rewards in _DISCS and _drawn_flat(first, _DISCS[task.rewards].rgb, _ABOUT_COLOUR)
+
+
+def _drawn_flat(frame: Frames, colour: tuple[int, ...], about: int) -> bool:
+    """Whether at least half of what has about a colour in uint8[c, h, w] has exactly that colour."""
+    apart = np.abs(frame.astype(np.int16) - np.array(colour, np.int16)[:, None, None]).max(axis=0)
+    return bool(2 * (apart == 0).sum() >= max(1, (apart <= about).sum()))
 
 
 def rewards_px(name: str, frames: Frames) -> npt.NDArray[np.float64]:

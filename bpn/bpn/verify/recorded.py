@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from math import ceil
 
 import numpy as np
 import numpy.typing as npt
@@ -167,17 +168,26 @@ def answered(recording: Recording, step: int) -> list[int]:
     """The frames to one of which the step's action was the answer: its own, unless actions are delayed.
 
     A delayed action acts a time after its frame that the episode tells. Which period that falls into shifts by one
-    with the robot's clock, and by one more where the action before it acts first.
+    with the robot's clock, and by one more where the action before it acts first. With latencies of several
+    lengths the actions before it may hold it up for longer, until the longest latency is over.
     """
     config, loop_ns = recording.config, int(recording.episode.camera_to_action_ns[step])
     if config.pacing == "lockstep":
         return [step]
     if loop_ns == 0:  # none came in time
         return []
-    if config.action_delay_ms == 0:
+    shortest_ms, longest_ms = config.task_spec.disturbances.get("latency", (0.0, 0.0))
+    delay_ms, period_ms = (
+        config.action_delay_ms + longest_ms,
+        1e3 * config.task_spec.control_period_s,
+    )
+    if delay_ms == 0:
         return [step]
-    periods = int(loop_ns / 1e9 / config.task_spec.control_period_s)
-    return [step - later for later in (periods, periods + 1) if later <= step]
+    periods = int(loop_ns / 1e6 / period_ms)
+    latest = periods + 1
+    if shortest_ms != longest_ms:
+        latest = max(latest, 1 + ceil(delay_ms / period_ms))
+    return [step - later for later in range(periods, latest + 1) if later <= step]
 
 
 def explained(recording: Recording, uniforms: list[float]) -> str:

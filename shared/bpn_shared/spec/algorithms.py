@@ -115,6 +115,10 @@ def find_algorithm(name: str) -> Algorithm:
         raise plugin.broken(f"it is {type(found).__name__}, no Algorithm")
     if found.spec.name != name:
         raise plugin.broken(f"it calls itself {found.spec.name!r}")
+    try:
+        found.checked({})
+    except ValueError as error:
+        raise plugin.broken(f"its options have no default: {error}") from error
     return found
 
 

@@ -169,6 +169,14 @@ class RunConfig(ExecutionValues, TrainingValues, AlgorithmValues, TaskOptions):
             )
         return self
 
+    @model_validator(mode="after")
+    def _backlash_needs_servos(self) -> Self:
+        if of_scope(self.task_spec.disturbances, "servo") and is_gym(self.task):
+            raise ValueError(
+                f"disturb = {self.disturb!r}: a Gymnasium environment has no servos with backlash; leave it out"
+            )
+        return self
+
     @property
     def network(self) -> NetworkSpec:
         return self.task_spec.network(self.hidden_units, parse_convolutions(self.conv))

@@ -59,7 +59,8 @@ def task_spec(name: str, options: TaskOptions) -> TaskSpec:
     plugin, task = _find(name)
     spec = plugin.apply(task.make, name, options) if isinstance(task, TaskFamily) else task
     _check_name(plugin, spec, name)
-    return spec.disturbed(options.disturb) if options.disturb else spec
+    given = "disturb" in options.model_fields_set  # none too, of a task that has some
+    return spec.disturbed(options.disturb) if given else spec
 
 
 def preset_of(name: str) -> dict[str, Any]:

@@ -7,6 +7,7 @@ nothing else are told to be alike.
 """
 
 import json
+from math import isfinite
 from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
@@ -32,8 +33,8 @@ MAX_ACTION_DELAY_MS = 2000.0
 
 def _options(text: str) -> str:
     try:
-        found = json.loads(text or "{}", parse_constant=_no_number)
-    except ValueError as error:
+        found = json.loads(text or "{}", parse_constant=_no_number, parse_float=_finite)
+    except (ValueError, RecursionError) as error:  # the latter of brackets within brackets
         raise ValueError(f"no JSON ({error}); such as '{{\"tau\": 0.9}}'") from error
     if not isinstance(found, dict):
         raise ValueError("must be a JSON object; such as '{\"tau\": 0.9}'")
@@ -46,6 +47,12 @@ def _convolutions(text: str) -> str:
 
 def _no_number(name: str) -> None:
     raise ValueError(f"{name} is no number of JSON")
+
+
+def _finite(text: str) -> float:
+    if not isfinite(number := float(text)):
+        raise ValueError(f"{text} is too large a number")
+    return number
 
 
 class AlgorithmValues(BaseModel):

@@ -127,7 +127,7 @@ class TaskSpec(BaseModel):
     gym: GymOptions = OFF
     realtime: bool = True
     success: Literal["last_reward", "not_terminated", "told", "undefined"] = "undefined"
-    success_reward: float | None = None
+    success_reward: Annotated[float, Field(allow_inf_nan=False)] | None = None
     disturbances: Disturbances = {}
     preset: dict[str, bool | int | float | str] = {}
 

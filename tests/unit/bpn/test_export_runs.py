@@ -44,6 +44,14 @@ def test_csv_has_the_metrics_that_are_numbers(run: Run, tmp_path: Path) -> None:
     assert table.to_dict("list") == {"iteration": [0, 1], "loss": [0.5, 0.5]}
 
 
+def test_metrics_of_some_iterations_alone_are_in_the_tables(run: Run, tmp_path: Path) -> None:
+    run.folder.append_metrics({"iteration": 2, "loss": 0.25, "eval_return": -3.0})
+    run.export("csv", tmp_path / "m.csv")
+    table = pandas.read_csv(tmp_path / "m.csv")
+    assert table["eval_return"].isna().tolist() == [True, True, False]
+    assert table["eval_return"][2] == -3.0
+
+
 def test_parquet_has_every_step(run: Run, tmp_path: Path) -> None:
     metrics, steps = run.export("parquet", tmp_path / "tables")
     assert pandas.read_parquet(metrics)["iteration"].tolist() == [0, 1]

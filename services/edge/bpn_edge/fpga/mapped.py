@@ -5,6 +5,7 @@ import mmap
 import os
 import select
 import time
+import weakref
 
 import numpy as np
 import numpy.typing as npt
@@ -33,11 +34,12 @@ class MappedCore:
             raise ConfigError(f"kernel 'fpga' cannot open {path}: {error.strerror}") from error
         try:
             self._memory = mmap.mmap(self._file, _SIZE, offset=offset)
-        except (OSError, ValueError) as error:
+        except (OSError, ValueError, OverflowError) as error:
             os.close(self._file)
             raise ConfigError(
                 f"kernel 'fpga' cannot map {path} at 0x{offset:x}: {error}"
             ) from error
+        self._close_file = weakref.finalize(self, os.close, self._file)  # an edge makes one a run
         self._words = (ctypes.c_uint32 * (_SIZE // 4)).from_buffer(self._memory)
         self._interrupts = path.startswith("/dev/uio")
 
@@ -78,7 +80,7 @@ class MappedCore:
         """See `Transport.close`."""
         del self._words
         self._memory.close()
-        os.close(self._file)
+        self._close_file()
 
     def _raised(self) -> bool:
         return bool(self.read(registers.EVENTS) & self.read(registers.INTERRUPT))

@@ -5,6 +5,7 @@ import select
 import struct
 import termios
 import time
+import weakref
 from typing import Protocol
 
 import numpy as np
@@ -109,6 +110,7 @@ class Tty:
             raise ConfigError(
                 f"kernel 'fpga': {path} is no serial line of {BAUD} baud: {error.args[-1]}"
             ) from error
+        self._close_file = weakref.finalize(self, os.close, self._file)  # an edge makes one a run
 
     def write(self, data: bytes) -> None:
         while data:
@@ -124,7 +126,7 @@ class Tty:
         return got
 
     def close(self) -> None:
-        os.close(self._file)
+        self._close_file()
 
 
 def _check(answer: int, what: str) -> None:

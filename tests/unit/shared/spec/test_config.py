@@ -105,6 +105,10 @@ def test_every_task_has_a_preset_and_observations_of_its_network(task: TaskSpec)
             {"task": "gym:A-v1", "actions": 2, "pacing": "realtime"},
             "pacing = 'realtime': 'gym:A-v1' has no clock of its own; choose lockstep",
         ),
+        (
+            {"task": "gym:A-v1", "actions": 2, "disturb": "noise=5,backlash=3"},
+            "a Gymnasium environment has no servos with backlash; leave it out",
+        ),
         ({"task": "gym:"}, "task = 'gym:': must be gym:[MODULE:]ENVIRONMENT-ID"),
         ({"task": "gym"}, "task = 'gym': unknown; gym:[MODULE:]ENVIRONMENT-ID is what gym has"),
         ({"task": "reaching:far"}, "task = 'reaching:far': unknown; reaching is what reaching has"),
@@ -312,3 +316,20 @@ def test_a_number_may_be_all_of_its_range_and_nothing_else(name: str) -> None:
     for value in (below, above, math.nan):
         with pytest.raises(ValidationError):
             adapter.validate_python(value)
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ("[" * 3000, "recursion"),
+        ('{"a": ' * 3000, "recursion"),
+        ('{"a": 1e999}', "1e999 is too large a number"),
+        ('{"a": [-1e999]}', "-1e999 is too large a number"),
+    ],
+)
+def test_options_of_an_algorithm_that_no_file_could_hold_are_refused(
+    given: str, message: str
+) -> None:
+    with pytest.raises(ConfigError, match="algorithm_options") as refused:
+        RunConfig.for_task("reaching", algorithm_options=given)
+    assert message in str(refused.value)

@@ -11,6 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from installed import install
 from paper import TASKS
+from pydantic import ValidationError
 
 from bpn_shared.errors import InputError
 from bpn_shared.runs.config_file import decode_config, encode_config
@@ -183,3 +184,34 @@ def test_a_configuration_from_the_bus_imports_nothing(lamps: Path) -> None:
 def test_families_are_told_by_kind() -> None:
     assert isinstance(offered().families["gym"], TaskFamily)
     assert set(TASKS) <= {spec.name for spec in offered().specs}
+
+
+def test_disturbances_that_a_task_has_itself_can_be_left_out(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.syspath_prepend(str(tmp_path))
+    (tmp_path / "foggy_task.py").write_text(
+        "from bpn_shared.spec.tasks import TaskSpec\n"
+        "def spec():\n"
+        "    return TaskSpec(name='foggy', robot='foggy', frame_channels=1, action_names=('a', 'b'),\n"
+        "                    control_period_s=0.1, disturbances={'blur': (0, 2)})\n"
+    )
+    install(tmp_path, "foggy", {"bpn.tasks": {"foggy": "foggy_task:spec"}})
+    assert RunConfig.for_task("foggy").disturb == "blur=0..2"
+    assert RunConfig.bare("foggy").disturb == "blur=0..2"
+    for disturb, levels in (("", {}), ("noise=3", {"noise": (3.0, 3.0)})):
+        config = RunConfig.for_task("foggy", disturb=disturb)
+        assert (config.disturb, config.task_spec.disturbances) == (disturb, levels)
+
+
+@pytest.mark.parametrize("reward", [float("inf"), float("nan"), "9" * 500])
+def test_a_reward_that_no_file_could_hold_is_refused(reward: object) -> None:
+    values = {
+        "name": "a",
+        "robot": "a",
+        "frame_channels": 1,
+        "action_names": ("a", "b"),
+        "control_period_s": 1,
+    }
+    with pytest.raises(ValidationError, match="success_reward"):
+        TaskSpec.model_validate(values | {"success": "last_reward", "success_reward": reward})

@@ -67,6 +67,7 @@ export type ConfigSchema = Pick<
 > & {
   schema: { properties: Record<string, JsonSchemaProperty> };
   presets: Record<string, Config>;
+  algorithms: { name: string; preset: Config }[];
   defaults: Config;
 };
 

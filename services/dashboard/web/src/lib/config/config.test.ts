@@ -44,6 +44,10 @@ const SCHEMA: ConfigSchema = {
     },
   ],
   family_options: ['env_kwargs', 'crop', 'difference'],
+  algorithms: [
+    { name: 'bpn', preset: {} },
+    { name: 'bqn', preset: { beta: 7, bootstrap_terminals: false } },
+  ],
   defaults: {},
 };
 const field = (key: string) => fieldOf(SCHEMA.schema.properties, key);
@@ -91,6 +95,19 @@ test('a task has its preset over the defaults', () => {
     task: 'pointing',
   });
   expect(presetOf(SCHEMA, 'sorting')).toMatchObject({ hidden_units: 100, beta: 3 });
+});
+
+test('an algorithm begins with its own values, and with another only where somebody says so', () => {
+  expect(presetOf(SCHEMA, 'sorting', 'bqn')).toMatchObject({ beta: 7, bootstrap_terminals: false });
+  expect(presetOf(SCHEMA, 'sorting', 'bpn')).toMatchObject({ beta: 3, bootstrap_terminals: true });
+  const config = { task: 'sorting', algorithm: 'bqn', beta: 3, bootstrap_terminals: false };
+  const draft = draftOf(SCHEMA, config);
+  expect(read(SCHEMA, draft).config).toEqual({ task: 'sorting', algorithm: 'bqn', beta: 3 });
+  draft.texts = { beta: '7' };
+  expect(read(SCHEMA, draft).config).toEqual({ task: 'sorting', algorithm: 'bqn' });
+  draft.sweep = true;
+  draft.axes = [{ key: 'algorithm', text: 'bpn bqn' }];
+  expect(read(SCHEMA, draft).config).toEqual({ task: 'sorting', beta: 7 });
 });
 
 test('one of a family has the preset of its kind, and needs a name', () => {

@@ -34,7 +34,11 @@ export function fieldsOf(schema: ConfigSchema): Field[] {
 /** A draft for another run like this one. */
 export function draftOf(schema: ConfigSchema, config: Config): Draft {
   const task = textOf(config.task) || schema.tasks[0]?.name || '';
-  const preset = presetOf(schema, task);
+  const preset = presetOf(
+    schema,
+    task,
+    config.algorithm === undefined ? undefined : textOf(config.algorithm),
+  );
   const texts = Object.entries(config)
     .filter(([key, value]) => !['task', 'algorithm'].includes(key) && preset[key] !== value)
     .map(([key, value]) => [key, textOf(value)]);
@@ -50,7 +54,7 @@ export function draftOf(schema: ConfigSchema, config: Config): Draft {
 
 /** Reads a draft: a request as far as it is right, and what is wrong. */
 export function read(schema: ConfigSchema, draft: Draft): Reading {
-  const preset = presetOf(schema, draft.task);
+  const preset = presetOf(schema, draft.task, draft.algorithm);
   const fields = fieldsOf(schema);
   const byKey = new Map(fields.map((field) => [field.key, field]));
   const reading: Reading = {
@@ -69,7 +73,9 @@ export function read(schema: ConfigSchema, draft: Draft): Reading {
     if (!field || swept.has(key) || !concerns(schema, key, draft.task)) continue;
     const parsed = parseValue(field, text);
     if ('wrong' in parsed) reading.wrong[key] = parsed.wrong;
-    else if (parsed.value !== preset[key]) reading.config[key] = parsed.value;
+    // where several algorithms are tried, each has its own preset
+    else if (swept.has('algorithm') || parsed.value !== preset[key])
+      reading.config[key] = parsed.value;
   }
   if (draft.sweep) readSweep(draft, byKey, reading);
   return reading;

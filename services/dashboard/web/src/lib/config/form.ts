@@ -130,8 +130,8 @@ export function concerns(schema: ConfigSchema, key: string, task: string): boole
   return !schema.family_options.includes(key) || familyOf(schema, task) !== undefined;
 }
 
-/** What a task's runs have unless something is changed. */
-export function presetOf(schema: ConfigSchema, task: string): Config {
+/** What a task's runs have unless something is changed; what an algorithm begins with has precedence. */
+export function presetOf(schema: ConfigSchema, task: string, algorithm?: string): Config {
   const defaults = Object.fromEntries(
     Object.entries(schema.schema.properties).map(([key, property]) => [
       key,
@@ -140,7 +140,10 @@ export function presetOf(schema: ConfigSchema, task: string): Config {
   );
   const family = familyOf(schema, task);
   const preset = schema.presets[task] ?? (family ? schema.presets[prefixOf(family)] : {});
-  return { ...defaults, ...schema.defaults, ...preset, task };
+  const ofTask: Config = { ...defaults, ...schema.defaults, ...preset, task };
+  const chosen = algorithm ?? ofTask.algorithm;
+  const ofAlgorithm = schema.algorithms.find(({ name }) => name === chosen)?.preset;
+  return { ...ofTask, ...ofAlgorithm };
 }
 
 /** A value out of what somebody typed, or what is wrong with it. */

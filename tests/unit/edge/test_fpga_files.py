@@ -1,0 +1,57 @@
+"""A core's device is given back, also by who only lets go of the core: an edge makes one for each run."""
+
+import gc
+import os
+import pty
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from bpn_edge.fpga.mapped import MappedCore
+from bpn_edge.fpga.serial import SerialCore, Tty
+from bpn_edge.fpga.transport import Transport
+from bpn_shared.spec.config import ConfigError
+
+
+@pytest.fixture
+def device(tmp_path: Path) -> Path:
+    path = tmp_path / "device"
+    path.write_bytes(bytes(4096))
+    return path
+
+
+@pytest.fixture
+def line() -> str:
+    return os.ttyname(pty.openpty()[1])
+
+
+def open_files(path: str) -> int:
+    links = Path("/proc/self/fd")
+    return sum(os.path.realpath(f"/proc/self/fd/{n}") == path for n in os.listdir(links))
+
+
+@pytest.mark.parametrize("closed", [True, False])
+def test_a_mapped_core_leaves_no_file_open(device: Path, closed: bool) -> None:
+    _leaves_none(lambda: MappedCore(str(device)), str(device), closed=closed)
+
+
+@pytest.mark.parametrize("closed", [True, False])
+def test_a_serial_core_leaves_no_file_open(line: str, closed: bool) -> None:
+    _leaves_none(lambda: SerialCore(Tty(line)), line, closed=closed)
+
+
+def test_an_address_beyond_all_memory_is_refused(device: Path) -> None:
+    with pytest.raises(ConfigError, match="cannot map"):
+        MappedCore(str(device), 1 << 80)
+
+
+def _leaves_none(make: Callable[[], Transport], path: str, *, closed: bool) -> None:
+    before = open_files(path)
+    core = make()
+    assert open_files(path) > before
+    if closed:
+        core.close()
+    del core
+    gc.collect()
+    assert open_files(path) == before
