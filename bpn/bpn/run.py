@@ -125,6 +125,8 @@ class Run:
         if version is None:
             return self.folder.newest_weights()
         number = self.folder.best().version if version == "best" else version
+        if not isinstance(number, int):
+            raise InputError(f"version = {number!r} is neither a number nor 'best'")
         if not self.folder.has(f"weights/{self.folder.weights_path(number).name}"):
             newest = self.folder.newest_weights().version
             raise InputError(
@@ -147,7 +149,9 @@ class Run:
 
         return Policy(self.config, self.weights(version), kernel=kernel)
 
-    def export(self, form: str, path: Path | None = None, *, version: Version = None) -> list[Path]:
+    def export(
+        self, form: str, path: Path | str | None = None, *, version: Version = None
+    ) -> list[Path]:
         """Writes the run, or its policy, in another format; `bpn.export.formats.export` says which.
 
         Raises:
