@@ -1,8 +1,10 @@
 """What programs use of bpn: the same runs, episodes and policies as the commands, by functions."""
 
+import shutil
 import subprocess
 import sys
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +14,7 @@ import bpn
 from bpn.dashboard import DashboardAwayError
 from bpn_shared.bnn import golden
 from bpn_shared.bnn.blob import WeightBlob
+from bpn_shared.bnn.envelope import BlobError
 from bpn_shared.errors import InputError
 from bpn_shared.spec.config import RunConfig
 from bpn_shared.spec.observation import stack
@@ -134,6 +137,18 @@ def test_wrong_arguments_are_said_in_a_line(run: bpn.Run) -> None:
         policy.observation([])
     with pytest.raises(InputError, match=r"a frame is uint8\[6, 84, 84\], not uint8\[3, 84, 84\]"):
         policy.observation([seen])
+
+
+def test_weights_of_another_network_are_refused(run: bpn.Run, tmp_path: Path) -> None:
+    """An evaluation with them would wait for ever, an export would be another policy."""
+    copy = tmp_path / run.id
+    shutil.copytree(run.path, copy)
+    other = RunConfig.for_task("tracking", **{**SMALL, "hidden_units": 9}).network
+    blob = replace(WeightBlob.random(other, np.random.default_rng(0)), version=2)
+    (copy / "weights" / "000002.bpnw").write_bytes(blob.encode())
+    for asked in (None, 2):
+        with pytest.raises(BlobError, match=r"another network, C=6, N=9, .* the run's is C=6, N=8"):
+            bpn.open_run(copy).weights(asked)
 
 
 def test_folders_and_files_are_paths_or_their_names(run: bpn.Run, tmp_path: Path) -> None:
