@@ -11,7 +11,7 @@ import os
 import signal
 import sys
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import NamedTuple, NoReturn
 
 from bpn.errors import CommandError
 from bpn.terminal import spare_encoding
@@ -86,9 +86,17 @@ COMMANDS = {
 }
 
 
+class Parser(argparse.ArgumentParser):
+    """Says in one line what is wrong: below the usage of sixty options nobody would see it."""
+
+    def error(self, message: str) -> NoReturn:
+        """Ends the program: wrong input."""
+        self.exit(EXIT_INPUT, f"{self.prog}: {message}; `{self.prog} --help` has the options\n")
+
+
 def parse(arguments: Sequence[str]) -> argparse.Namespace:
     """The options of the command that the arguments name; `run` is what does it."""
-    parser = argparse.ArgumentParser(
+    parser = Parser(
         prog="bpn",
         description="Reinforcement learning of robot control with binarized networks.",
         epilog="`bpn COMMAND --help` has a command's options. Exit status: 0 done, 1 failed, 2 wrong input, "

@@ -57,10 +57,10 @@ class Dashboard:
         )
 
     @classmethod
-    def find(cls, runs_dir: Path) -> Self | None:
+    def find(cls, runs_dir: Path | str) -> Self | None:
         """The dashboard of a runs folder; None if none runs."""
         try:
-            address = json.loads((runs_dir / ADDRESS_FILE).read_bytes())
+            address = json.loads((Path(runs_dir) / ADDRESS_FILE).read_bytes())
             certificate = address.get("certificate")
             found = cls(address["url"], address["token"], address["endpoint"], certificate)
             # With the token: the file may be of one that was killed, whose port the next one has.

@@ -10,6 +10,7 @@ from bpn_edge.kernel import load
 from bpn_edge.kernel.choice import choose_kernel, kernels_here
 from bpn_edge.policy import softmax_weights
 from bpn_shared.bnn.weights import Weights
+from bpn_shared.errors import InputError
 from bpn_shared.spec.config import RunConfig
 from bpn_shared.spec.observation import stack
 from bpn_shared.spec.tasks import TaskSpec
@@ -41,6 +42,10 @@ class Policy:
         self._kernel = load(kernel or choose_kernel(config.kernel, network, kernels_here()))
         self._kernel.load(weights)
 
+    def _outputs(self, observation: Observation) -> npt.NDArray[np.int32 | np.float32]:
+        _check("the observation", observation, self.observation_shape)
+        return self._kernel.run(observation)
+
     @property
     def _dims(self) -> tuple[int, ...]:
         return self.weights.spec.action_dims
@@ -64,7 +69,14 @@ class Policy:
 
         Returns:
             uint8[C, height, width].
+
+        Raises:
+            InputError: there is none, or one has another dtype or shape.
         """
+        if not len(frames):
+            raise InputError("frames are none: an observation needs at least one")
+        for frame in frames:
+            _check("a frame", frame, self.task.frame_shape)
         return stack(
             frames,
             len(frames) - 1,
@@ -76,9 +88,9 @@ class Policy:
         """P(s, a) of every action, float64[|A|].
 
         Raises:
-            ValueError: the observation has another dtype or shape.
+            InputError: the observation has another dtype or shape.
         """
-        outputs = self._kernel.run(observation).astype(np.float64)
+        outputs = self._outputs(observation).astype(np.float64)
         outputs *= self.weights.scale
         return outputs
 
@@ -88,9 +100,9 @@ class Policy:
         Of an action of several dimensions it is each dimension's own, side by side.
 
         Raises:
-            ValueError: the observation has another dtype or shape.
+            InputError: the observation has another dtype or shape.
         """
-        outputs = self._kernel.run(observation)
+        outputs = self._outputs(observation)
         found, first = [], 0
         for choices in self._dims:
             own = outputs[first : first + choices]
@@ -110,10 +122,17 @@ class Policy:
             The action's number; `task.action_names` says what it does, of an action of one dimension.
 
         Raises:
-            ValueError: the observation has another dtype or shape.
+            InputError: the observation has another dtype or shape.
         """
-        outputs, dims = self._kernel.run(observation), self._dims
+        outputs, dims = self._outputs(observation), self._dims
         if rng is None:
             return epsilon_greedy_joint_action(outputs, dims, 0.0, [0.0] * len(dims))
         uniforms = rng.random(len(dims)).tolist()
         return softmax_joint_action(outputs, dims, self.weights.scale, self._beta, uniforms)
+
+
+def _check(what: str, given: object, shape: tuple[int, ...]) -> None:
+    if not isinstance(given, np.ndarray):
+        raise InputError(f"{what} is a {type(given).__name__}, not a numpy array uint8{[*shape]}")
+    if given.dtype != np.uint8 or given.shape != shape:
+        raise InputError(f"{what} is {given.dtype}{[*given.shape]}, not uint8{[*shape]}")

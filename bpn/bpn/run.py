@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from bpn.stored import stored_episodes, with_rewards
+from bpn_shared.bnn.envelope import BlobError
 from bpn_shared.bnn.weights import Weights
 from bpn_shared.errors import InputError
 from bpn_shared.messages.episode import Episode
@@ -120,17 +121,27 @@ class Run:
 
         Raises:
             InputError: there is none of that version.
-            BlobError: the file is damaged.
+            BlobError: the file is damaged, or of another network than the run's.
         """
         if version is None:
-            return self.folder.newest_weights()
+            return self._checked(self.folder.newest_weights())
         number = self.folder.best().version if version == "best" else version
+        if not isinstance(number, int):
+            raise InputError(f"version = {number!r} is neither a number nor 'best'")
         if not self.folder.has(f"weights/{self.folder.weights_path(number).name}"):
             newest = self.folder.newest_weights().version
             raise InputError(
                 f"version = {number}: not in {self.folder.path / 'weights'}, the newest is {newest}"
             )
-        return self.folder.weights(number)
+        return self._checked(self.folder.weights(number))
+
+    def _checked(self, weights: Weights) -> Weights:
+        if weights.spec != self.config.network:
+            raise BlobError(
+                f"{self.folder.weights_path(weights.version)} is of another network, {weights.spec}, "
+                f"the run's is {self.config.network}: put the file back as it was, or choose another version"
+            )
+        return weights
 
     def policy(self, version: Version = None, *, kernel: str | None = None) -> "Policy":
         """What acts as the robot did with these weights.
@@ -147,7 +158,9 @@ class Run:
 
         return Policy(self.config, self.weights(version), kernel=kernel)
 
-    def export(self, form: str, path: Path | None = None, *, version: Version = None) -> list[Path]:
+    def export(
+        self, form: str, path: Path | str | None = None, *, version: Version = None
+    ) -> list[Path]:
         """Writes the run, or its policy, in another format; `bpn.export.formats.export` says which.
 
         Raises:

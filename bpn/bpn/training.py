@@ -102,7 +102,7 @@ def begin(
         InputError: an option is wrong, or the machine cannot do the run.
     """
     if resume is not None:
-        given = ["TASK"] * (task is not None) + [f"--{name}" for name in options]
+        given = ["TASK"] * (task is not None) + [f"--{name.replace('_', '-')}" for name in options]
         if given:
             raise InputError(f"a resumed run keeps its configuration: leave out {', '.join(given)}")
         folder = RunFolder.open(runs_dir, resume)

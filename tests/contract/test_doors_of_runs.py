@@ -262,6 +262,7 @@ def test_what_no_worker_has_that_would_need_it_is_said_and_nothing_is_made(
         expected = f"{noun} {name!r} is not installed at any of the 2 {who}; there are: "
         assert expected in str(refused.value), door_name
         assert "start them again" in str(refused.value), door_name
+        assert ("BPN_KERNEL" in str(refused.value)) == (noun == "kernel"), door_name
     assert not list(served.runs_dir.glob("*/config.json"))
     silent = LeaseRequest(role=role, worker="silent")
     for told in ([telling(role, **{noun: name}), telling(role)], [silent]):

@@ -1,8 +1,10 @@
 """What programs use of bpn: the same runs, episodes and policies as the commands, by functions."""
 
+import shutil
 import subprocess
 import sys
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +14,7 @@ import bpn
 from bpn.dashboard import DashboardAwayError
 from bpn_shared.bnn import golden
 from bpn_shared.bnn.blob import WeightBlob
+from bpn_shared.bnn.envelope import BlobError
 from bpn_shared.errors import InputError
 from bpn_shared.spec.config import RunConfig
 from bpn_shared.spec.observation import stack
@@ -117,6 +120,44 @@ def test_an_unknown_version_is_said(run: bpn.Run) -> None:
         run.policy(9)
 
 
+def test_wrong_arguments_are_said_in_a_line(run: bpn.Run) -> None:
+    policy = run.policy()
+    seen = np.zeros(policy.observation_shape, np.uint8)
+    with pytest.raises(InputError, match="version = 'newest' is neither a number nor 'best'"):
+        run.policy("newest")  # type: ignore[arg-type]
+    for wrong, said in (
+        ([1, 2], "is a list, not a numpy array"),
+        (seen.astype(np.float32), r"is float32\[.*not uint8\["),
+        (seen[:, 1:], r"is uint8\[6, 83, 84\], not uint8\[6, 84, 84\]"),
+    ):
+        for asked in (policy.act, policy.preferences, policy.probabilities):
+            with pytest.raises(InputError, match=said):
+                asked(wrong)  # type: ignore[operator]
+    with pytest.raises(InputError, match="at least one"):
+        policy.observation([])
+    with pytest.raises(InputError, match=r"a frame is uint8\[6, 84, 84\], not uint8\[3, 84, 84\]"):
+        policy.observation([seen])
+
+
+def test_weights_of_another_network_are_refused(run: bpn.Run, tmp_path: Path) -> None:
+    """An evaluation with them would wait for ever, an export would be another policy."""
+    copy = tmp_path / run.id
+    shutil.copytree(run.path, copy)
+    other = RunConfig.for_task("tracking", **{**SMALL, "hidden_units": 9}).network
+    blob = replace(WeightBlob.random(other, np.random.default_rng(0)), version=2)
+    (copy / "weights" / "000002.bpnw").write_bytes(blob.encode())
+    for asked in (None, 2):
+        with pytest.raises(BlobError, match=r"another network, C=6, N=9, .* the run's is C=6, N=8"):
+            bpn.open_run(copy).weights(asked)
+
+
+def test_folders_and_files_are_paths_or_their_names(run: bpn.Run, tmp_path: Path) -> None:
+    path = tmp_path / "policy.c"
+    assert run.export("c", str(path)) == [path]
+    assert path.stat().st_size > 0
+    assert bpn.Dashboard.find(str(run.path.parent)) is None
+
+
 def test_evaluation_is_that_of_the_command(run: bpn.Run) -> None:
     found = bpn.evaluate(run, trials=2)
     assert found.result["trials"] == len(found.episodes) == 2
@@ -129,6 +170,8 @@ def test_evaluation_is_that_of_the_command(run: bpn.Run) -> None:
 def test_a_run_that_is_resumed_keeps_its_configuration(run: bpn.Run) -> None:
     with pytest.raises(InputError, match="leave out --seed"):
         bpn.train(resume=run.id, runs_dir=run.path.parent, seed=4)
+    with pytest.raises(InputError, match="leave out --hidden-units"):
+        bpn.train(resume=run.id, runs_dir=run.path.parent, hidden_units=4)
 
 
 def test_the_docs_program_has_eight_lines_and_runs(run: bpn.Run) -> None:

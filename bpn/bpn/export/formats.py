@@ -31,7 +31,9 @@ class Format:
     is_folder: bool = False
 
 
-def export(run: Run, form: str, path: Path | None = None, *, version: Version = None) -> Written:
+def export(
+    run: Run, form: str, path: Path | str | None = None, *, version: Version = None
+) -> Written:
     """Writes a run, or its policy, in another format.
 
     Args:
@@ -48,7 +50,7 @@ def export(run: Run, form: str, path: Path | None = None, *, version: Version = 
     if form not in FORMATS:
         raise InputError(f"format = {form!r} is unknown; one of: {', '.join(FORMATS)}")
     found = FORMATS[form]
-    path = path or Path(found.name.format(run=run.id[-12:]))
+    path = Path(path or found.name.format(run=run.id[-12:]))
     if found.is_folder:
         if path.exists():
             raise InputError(f"{path} is there already: choose another name, or remove it")

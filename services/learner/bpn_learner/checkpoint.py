@@ -56,7 +56,7 @@ def restore(
     Raises:
         KeyError, ValueError, RuntimeError: the tensors are another network's.
     """
-    network.load_state_dict(_part(tensors, _NETWORK))
+    _set_network(network, tensors)
     restored = optimizer.state_dict()
     restored["state"] = _optimizer_state(tensors)
     optimizer.load_state_dict(restored)
@@ -87,7 +87,7 @@ def decode_network(data: bytes, network: nn.Module) -> None:
         CheckpointError: the bytes are damaged, of another network or of another version.
     """
     try:
-        network.load_state_dict(_part(_read(data), _NETWORK))
+        _set_network(network, _read(data))
     except _DAMAGED as error:
         raise CheckpointError(str(error)) from error
 
@@ -139,6 +139,18 @@ def _digest(tensors: dict[str, Tensor]) -> str:
         (name, str(value.dtype), value.shape, value.cpu().contiguous().numpy().tobytes())
         for name, value in tensors.items()
     )
+
+
+def _set_network(network: nn.Module, tensors: dict[str, Tensor]) -> None:
+    """Torch's own error of another network has a line for each array; this one has the first that differs."""
+    given = _part(tensors, _NETWORK)
+    for name, own in network.state_dict().items():
+        if name not in given:
+            raise ValueError(f"it is of another network: it has no {name}")
+        if given[name].shape != own.shape:
+            shapes = f"{[*given[name].shape]}, the run's {[*own.shape]}"
+            raise ValueError(f"it is of another network: its {name} is {shapes}")
+    network.load_state_dict(given)
 
 
 def _part(tensors: dict[str, Tensor], prefix: str) -> dict[str, Tensor]:

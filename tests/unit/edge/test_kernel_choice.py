@@ -65,3 +65,10 @@ def test_an_edge_that_is_set_up_wrongly_does_not_start() -> None:
     )  # fmt: skip
     assert done.returncode == 2
     assert "kernel 'fpga9' is not installed here; there are: " in done.stderr
+
+
+def test_a_kernel_that_runs_no_such_network_is_refused_before_weights_come() -> None:
+    with pytest.raises(
+        ConfigError, match="kernel = 'rtl' runs binary networks, the run's is float"
+    ):
+        choose_kernel("rtl", "float", ())

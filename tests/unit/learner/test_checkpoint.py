@@ -100,8 +100,9 @@ def test_other_versions_and_other_networks_are_errors() -> None:
         with pytest.raises(CheckpointError):
             decode_checkpoint(save(tensors, metadata=metadata), *parts())
     other = nn.Linear(9, 9)
-    with pytest.raises(CheckpointError):
+    with pytest.raises(CheckpointError, match=r"of another network: .*; remove checkpoint") as said:
         decode_checkpoint(DATA, other, torch.optim.Adam(other.parameters()))
+    assert len(str(said.value).splitlines()) == 1
     del tensors["iteration"]
     with pytest.raises(CheckpointError):
         decode_checkpoint(save(tensors), *parts())

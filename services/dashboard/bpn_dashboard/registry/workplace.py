@@ -75,7 +75,12 @@ def _check_plugin(group: Group, name: str, role: Role, told: Sequence[LeaseReque
     if not have or any(name in names for names in have):
         return
     there = ", ".join(sorted({n for names in have for n in names})) or "none"
+    # An edge that was set up with kernels tells of those alone, whatever is installed.
+    setting = (
+        " (and set them up with it: --kernel or BPN_KERNEL)" if group == plugins.KERNELS else ""
+    )
     raise ConfigError(
         f"{group.noun} {name!r} is not installed at any of the {len(have)} connected {_NAMES[role]}; there are: "
-        f"{there}. Install the package that has it, or the extra that it needs, where they run; start them again"
+        f"{there}. Install the package that has it, or the extra that it needs, where they run{setting}; "
+        "start them again"
     )

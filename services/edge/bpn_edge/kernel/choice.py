@@ -54,13 +54,19 @@ def choose_kernel(asked: str, network: NetworkKind, here: Sequence[str]) -> str:
         here: what this edge was set up with.
 
     Raises:
-        ConfigError: this edge was set up with others; the message says what to do.
+        ConfigError: this edge was set up with others, or what is asked for runs no such network; the message says
+            what to do.
     """
     if asked:
         if here and asked not in here:
             raise ConfigError(
                 f"the run asks for kernel {asked!r}, this edge was set up with {', '.join(here)} ({OPTION} or "
                 f"{VARIABLE}): start an edge with {asked}, or leave the run's kernel out"
+            )
+        if network_of(asked) != network:
+            raise ConfigError(
+                f"kernel = {asked!r} runs {network_of(asked)} networks, the run's is {network}: "
+                "choose another kernel, or leave it out"
             )
         return asked
     if not here:

@@ -7,8 +7,9 @@ import { number } from '../format';
 import { count } from '../stats';
 import { picture } from './picture';
 import { planOf, shapeOf, type Line, type Part, type Plan } from './plan';
+import { rangeOfValues, widened, type Range } from './range';
 
-export type Range = [number, number];
+export type { Range };
 
 export interface PlotState {
   lines: readonly Line[];
@@ -176,7 +177,9 @@ export class Plot {
       padding: [10, 12, 0, 0],
       scales: {
         x: { time: false, range: () => this.#range() },
-        y: { distr: state?.logarithmic ? 3 : 1 },
+        y: state?.logarithmic
+          ? { distr: 3 }
+          : { distr: 1, range: (_chart, low, high) => rangeOfValues(low, high) },
       },
       axes: [
         {
@@ -242,10 +245,4 @@ export class Plot {
     chart.setSelect({ left: 0, top: 0, width: 0, height: 0 }, false);
     this.events.range([chart.posToVal(left, 'x'), chart.posToVal(left + width, 'x')]);
   }
-}
-
-/** A range of x that can be drawn, also for one point or none. */
-function widened(low: number | null, high: number | null): Range {
-  if (low === null || high === null) return [0, 1];
-  return low === high ? [low - 1, high + 1] : [low, high];
 }
