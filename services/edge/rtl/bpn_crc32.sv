@@ -1,4 +1,5 @@
-// CRC-32 (IEEE 802.3, as zlib's) of a stream of 32-bit words, lowest byte first.
+// CRC-32 (IEEE 802.3, as zlib's) of a stream of 32-bit words, lowest byte first. A word is in it two clocks later: what
+// it adds is known after the first, since a CRC is linear, next(a ^ b) = next(a) ^ next(b).
 module bpn_crc32 (
     input logic clk,
     input logic clear,  // begins anew; with `enable`: with this word
@@ -6,7 +7,8 @@ module bpn_crc32 (
     input logic [31:0] word,
     output logic [31:0] crc
 );
-  logic [31:0] state;
+  logic [31:0] state, of_word;
+  logic added, anew;
 
   function automatic logic [31:0] next(input logic [31:0] value);
     next = value;
@@ -14,7 +16,10 @@ module bpn_crc32 (
   endfunction
 
   assign crc = ~state;
-  always_ff @(posedge clk)
-    if (enable) state <= next((clear ? '1 : state) ^ word);
-    else if (clear) state <= '1;
+  always_ff @(posedge clk) begin
+    {added, anew} <= {enable, clear};
+    of_word <= next(word);
+    if (added) state <= next(anew ? '1 : state) ^ of_word;
+    else if (anew) state <= '1;
+  end
 endmodule

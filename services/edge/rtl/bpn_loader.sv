@@ -46,9 +46,9 @@ module bpn_loader (
   logic [WEIGHT_W-1:0] fc1_end, fc2_words, last_word, word;
 
   // The word that is looked at: a register, so that whatever is in front of the stream is not in this clock.
-  logic have, last;
+  logic have, last, crc_known;
   logic [31:0] set_word;
-  wire ready = (state != EPOCH || !in_use[bank]) && (state != SIZES || sizes_known);
+  wire ready = (state != EPOCH || !in_use[bank]) && (state != SIZES || sizes_known) && (state != CRC || crc_known);
   wire taken = have && ready;
   assign s_tready = !have || ready;
 
@@ -86,6 +86,7 @@ module bpn_loader (
       last <= s_tlast;
     end
     sizes_known <= have && state == SIZES && !sizes_known;
+    crc_known <= have && state == CRC && !crc_known;
     sizes_known_fit <= sizes_fit;
     verified <= 1'b0;
     refused <= '0;
@@ -174,7 +175,7 @@ module bpn_loader (
     end
     if (!rst_n) begin
       state <= IDENTITY;
-      {have, sizes_known, verified, refused, conv1_write, threshold_write, engine_write} <= '0;
+      {have, sizes_known, crc_known, verified, refused, conv1_write, threshold_write, engine_write} <= '0;
     end
   end
 endmodule
