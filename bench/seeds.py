@@ -20,7 +20,7 @@ import numpy as np
 
 from bpn_edge import kernel as kernels
 from bpn_edge.policy import epsilon_greedy_action, softmax_action, softmax_weights
-from bpn_learner.initial import initial_policy
+from bpn_learner.factory import initial_policy
 from bpn_learner.networks import PNetwork
 from bpn_learner.reward import function_of
 from bpn_learner.transitions import EpisodeData, Transitions

@@ -234,7 +234,7 @@ def test_what_is_in_hand_keeps_no_edge_when_the_run_is_finished(
     def finished_when_played() -> Assignment:
         if learner.asked[-1].in_hand is None:
             return assign()
-        return Assignment(verdict="finished", reason="all iterations are done")
+        return Assignment(status="finished", reason="all iterations are done")
 
     learner.assignment = finished_when_played  # type: ignore[method-assign]
     learner.disk.clear()

@@ -21,7 +21,7 @@ def test_it_waits_for_what_the_learner_says_and_ends_when_that_is_done(
     running: Callable[..., Running],
     wait_for: Callable[..., None],
 ) -> None:
-    told = [Assignment(verdict="wait", reason="the policy update")]
+    told = [Assignment(status="wait", reason="the policy update")]
     learner = LearnerSide(open_bus(), CONFIG)
     learner.assignment = lambda: told[-1]  # type: ignore[method-assign]
     learner.publish(1, 7)
@@ -30,7 +30,7 @@ def test_it_waits_for_what_the_learner_says_and_ends_when_that_is_done(
     wait_for(service.worker.weights.snapshot, "the weights")
     (event, mark), *others = service.worker.weights.snapshot().items()
     assert (event, mark.attempt, mark.version, others) == ("loaded", 1, 7, [])
-    told.append(Assignment(verdict="finished", reason="all iterations are done"))
+    told.append(Assignment(status="finished", reason="all iterations are done"))
     wait_for(lambda: not service.alive, "its end")
 
 

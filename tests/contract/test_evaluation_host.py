@@ -28,7 +28,7 @@ def test_what_an_edge_has_in_hand_goes_to_nobody_until_the_edge_has_lost_it(
         name = None if in_hand is None else (EVALUATION, in_hand)
         asked = NextEpisode(slot=slot, worker=f"edge-{slot}", in_hand=name)
         told = Assignment.decode(request(bus, keys.next_episode(RUN), asked.encode(), timeout_s=10))
-        return told.episode if told.verdict == "play" else None
+        return told.episode if told.status == "play" else None
 
     assert [ask(0), ask(1)] == [0, 1]
     assert ask(0, in_hand=0) == 2

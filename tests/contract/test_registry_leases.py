@@ -30,7 +30,7 @@ def test_workers_get_the_oldest_run_and_lose_it_when_it_shall_stop(
     registry: Registry, hire: Callable[[Role], Puppet], wait_for: WaitFor
 ) -> None:
     learner, edge, idle = hire("learner"), hire("edge"), hire("learner")
-    assert learner.ask().verdict == "wait"
+    assert learner.ask().status == "wait"
     first = registry.store.create(CONFIG, actor="test")
     second = registry.store.create(CONFIG, actor="test")
     assert learner.work(wait_for).run == first.id
@@ -73,7 +73,7 @@ def test_a_finished_run_is_given_to_nobody_even_before_the_registry_has_seen_it(
     learner, edge = hire("learner"), hire("edge")
     learner.work(wait_for)
     registry.store.folder(row.id).set_state("finished")
-    assert edge.ask().verdict == "wait"
+    assert edge.ask().status == "wait"
     wait_for(lambda: state_of(registry, row) == "finished", "the end to be seen")
     wait_for(lambda: learner.released, "its learner to be told")
 
@@ -119,7 +119,7 @@ def test_a_registry_that_was_away_learns_all_leases_from_the_tokens(
     wait_for(lambda: registry.store.get(row.id).iteration == 1, "what went on meanwhile to be seen")
     begin_s = time.monotonic()
     while time.monotonic() - begin_s < 2 * desk.SETTLE_S:
-        assert idle.ask().verdict == "wait"
+        assert idle.ask().status == "wait"
     assert not learner.released
     learner.die()
     assert idle.work(wait_for).run == row.id
@@ -192,10 +192,10 @@ def test_a_run_that_another_program_learns_is_shown_and_left_alone(
             return [row.state for row in registry.store.find()] == ["running"]
 
         wait_for(shown, "the run to be shown")
-        assert hire("learner").ask().verdict == "wait"
+        assert hire("learner").ask().status == "wait"
         registry.store.request_resume(str(folder.run), "test")
         learner = hire("learner")
-        assert learner.ask().verdict == "wait"
+        assert learner.ask().status == "wait"
     wait_for(lambda: learner.ask().run == str(folder.run), "a lease once nobody owns it")
 
 
@@ -213,7 +213,7 @@ def test_garbage_is_refused_and_the_registry_goes_on(
             (UUID(int=1), "edge", 0),
         )
     ]  # fmt: skip
-    for body in (b"", b"\xff" * 100, LeaseReply(verdict="wait").encode()):
+    for body in (b"", b"\xff" * 100, LeaseReply(status="wait").encode()):
         with pytest.raises(RefusedError):
             request(bus, keys.lease_request(), body, timeout_s=5.0)
     wait_for(lambda: registry.counters.snapshot().get("tokens_refused") == 3, "three refusals")

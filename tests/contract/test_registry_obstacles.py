@@ -89,8 +89,8 @@ def test_who_can_use_a_place_gets_it_before_who_gave_it_back(
     assert unable.work(wait_for).run == row.id
     unable.give_back()
     back = GiveBack(run=row.id, slot=0, reason=REASON)
-    assert unable.ask(gave_back=back).verdict == "wait"
-    assert unable.ask().verdict == "wait"
+    assert unable.ask(gave_back=back).status == "wait"
+    assert unable.ask().status == "wait"
     assert able.work(wait_for).run == row.id
     assert row.id not in registry.running.desk.given_up()
 
@@ -223,7 +223,7 @@ def test_a_learner_that_hangs_with_its_token_loses_its_place_to_an_idle_one(
     health = Responder(hung.bus, keys.health("learner", hung.id), lambda _: b"{}", Counters())
     begin_s = time.monotonic()
     while time.monotonic() - begin_s < 2.0:  # it says nothing of itself, but it answers
-        assert idle.ask().verdict == "wait"
+        assert idle.ask().status == "wait"
     health.close()
     assert idle.work(wait_for).run == row.id
     wait_for(lambda: hung.released, "the one that hung to be told")

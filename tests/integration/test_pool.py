@@ -12,7 +12,7 @@ from pool import Pool, running_pool
 
 from bpn.dashboard import Dashboard
 from bpn.options import add_run_options
-from bpn_learner.initial import has_gpu
+from bpn_learner.factory import has_gpu
 from bpn_shared.errors import InputError
 
 LONG_S = 150.0

@@ -12,7 +12,7 @@ from flags import flags
 from pool import frozen
 
 from bpn.evaluation.trials import TrialPlan, play
-from bpn.reproduce.campaign import Campaign
+from bpn.reproduce.experiment import Campaign
 from bpn_shared.runs.folder import RunFolder
 from bpn_shared.runtime import watchdog
 from bpn_shared.spec.config import RunConfig

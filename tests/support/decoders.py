@@ -42,10 +42,10 @@ from bpn_shared.messages.decision import Decision
 from bpn_shared.messages.episode import Episode, EpisodeMeta, decode_meta
 from bpn_shared.messages.frame import FrameHeader, FrameKind, decode_frame
 from bpn_shared.messages.lease import GiveBack, LeaseReply, LeaseRequest, Release, ReleaseReply
-from bpn_shared.messages.meeting import MeetingReply, MeetingRequest
 from bpn_shared.messages.metrics import MetricsBatch, Point
 from bpn_shared.messages.preview import PreviewHeader
 from bpn_shared.messages.probe import ProbeReply, ProbeRequest
+from bpn_shared.messages.rendezvous import RendezvousReply, RendezvousRequest
 from bpn_shared.messages.telemetry import (
     CertificateLife,
     KeyTraffic,
@@ -89,19 +89,19 @@ MESSAGES: list[Message] = [
     Reset(iteration=1, episode=2, seed=3, reset_id=4),
     ResetReply(reset_id=2**64 - 1),
     NextEpisode(slot=0, worker="edge-1a", weights_version=7),
-    Assignment(verdict="play", iteration=1, episode=2, seed=3, weights_version=1),
-    EpisodeReceipt(verdict="refused", reason="no"),
+    Assignment(status="play", iteration=1, episode=2, seed=3, weights_version=1),
+    EpisodeReceipt(status="refused", reason="no"),
     Fault(iteration=1, episode=2, worker="edge-1a", reason="the camera is dark"),
     FaultReceipt(),
     LeaseRequest(
         role="edge", worker="edge-1a", label="host/3", version="1.2", protocol=1,
         gave_back=GiveBack(run=RUN, slot=1, reason="no"), plugins={"bpn.kernels": ("native", "own")},
     ),
-    LeaseReply(verdict="lease", run=RUN, slot=3, retry_s=1.0),
+    LeaseReply(status="lease", run=RUN, slot=3, retry_s=1.0),
     Release(run=RUN, reason="stopped"),
     ReleaseReply(working=True),
-    MeetingRequest(rank=1, worker="learner-1a"),
-    MeetingReply(verdict="meet", host="10.0.0.1", port=12345),
+    RendezvousRequest(rank=1, worker="learner-1a"),
+    RendezvousReply(status="meet", host="10.0.0.1", port=12345),
     MetricsBatch(points=[Point(name="loss", step=1, value=0.5, time_ns=1)]),
     ProbeRequest(
         task="gym:CartPole-v1", frame_channels=3, steps=10, env_kwargs='{"a": [1]}', env_wrappers="a.b:C,D",

@@ -68,7 +68,7 @@ class LearnerSide:
 
     def assignment(self) -> Assignment:
         return Assignment(
-            verdict="play",
+            status="play",
             episode=self.episode,
             seed=episode_seed(self._config.seed, 0, self.episode),
             weights_attempt=self.attempt,
@@ -88,7 +88,7 @@ class LearnerSide:
         with self._news:
             self.delivered.append(episode)
             self._news.notify_all()
-        return EpisodeReceipt(verdict="stored").encode()
+        return EpisodeReceipt(status="stored").encode()
 
     def _hear(self, body: bytes) -> bytes:
         fault = Fault.decode(body)

@@ -21,7 +21,7 @@ def make(owner: Ownership, alive: set[str] | None = None, **changes: Any) -> Epi
 
 def ask(ledger: EpisodeLedger, slot: int, worker: str | None = None) -> tuple[str, int]:
     assignment = ledger.next(NextEpisode(slot=slot, worker=worker or f"edge-{slot}"))
-    return assignment.verdict, assignment.episode
+    return assignment.status, assignment.episode
 
 
 def wait(ledger: EpisodeLedger) -> list[int]:

@@ -45,7 +45,7 @@ class Edge:
         def play() -> None:
             while not stop.is_set():
                 told = ledger.next(NextEpisode(slot=0, worker="edge-0"))
-                if told.verdict != "play":
+                if told.status != "play":
                     stop.wait(0.001)
                     continue
                 # What the assignment says is the newest that was published.

@@ -76,7 +76,7 @@ def run(options: argparse.Namespace) -> int:
         if value is not None and value < 1:
             raise InputError(f"--{name} = {value} must be at least 1")
     out_dir = options.out or (options.runs_dir / "quick" if options.quick else _RESULTS)
-    making: Any = optional.load("bpn.reproduce.making", extra="media", wanted_by="`bpn reproduce`")
+    making: Any = optional.load("bpn.reproduce.build", extra="media", wanted_by="`bpn reproduce`")
     if options.redraw:
         _check_redraw(options)
         return int(making.redraw(options.target, out_dir, Console()))

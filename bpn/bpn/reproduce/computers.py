@@ -15,7 +15,7 @@ import numpy.typing as npt
 from bpn.bench.peers import FloatNetwork
 from bpn.local_run import RunFailedError
 from bpn.reproduce.definition import StoppedError
-from bpn.reproduce.far import CONFIG, Breakdown, FarClient, Policy, binarized_policy
+from bpn.reproduce.remote_policy import CONFIG, Breakdown, FarClient, Policy, binarized_policy
 from bpn.supervisor import Service, Supervisor
 from bpn_edge.kernel import load
 from bpn_shared.bnn.float_weights import FloatWeights
@@ -92,7 +92,7 @@ def far_client(stop: threading.Event) -> Iterator[FarClient]:
     endpoint = _free_tcp_endpoint()
     services = [
         Service("router", ["bpn_shared.bus.router", "--listen", endpoint]),
-        Service("far", ["bpn.reproduce.far", "--connect", endpoint]),
+        Service("far", ["bpn.reproduce.remote_policy", "--connect", endpoint]),
     ]
     with tempfile.TemporaryDirectory(prefix="bpn-far-") as logs:
         supervisor = Supervisor(services, Path(logs))

@@ -15,9 +15,9 @@ from bpn.plotting import colour, entitle, new_figure
 from bpn.reproduce import computers
 from bpn.reproduce.caption import caption
 from bpn.reproduce.definition import Context, Document, Scope, Target
-from bpn.reproduce.far import CONFIG
 from bpn.reproduce.markdown import mean_and_range
 from bpn.reproduce.markdown import table as markdown_table
+from bpn.reproduce.remote_policy import CONFIG
 from bpn.reproduce.statistics import count, group, of_seeds
 from bpn.summary import percentiles
 from bpn_shared.runs.folder import RunFolder

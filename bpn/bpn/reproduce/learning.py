@@ -23,7 +23,7 @@ from bpn.reproduce.statistics import (
     of_seeds,
     shortfall_percent,
 )
-from bpn_robot_sim import references
+from bpn_robot_sim import baselines
 from bpn_robot_sim.reaching.optimum import optimal_return, random_return
 from bpn_robot_sim.robots import make_robot
 from bpn_robot_sim.tracking.optimum import mean_optimal_return
@@ -69,11 +69,11 @@ def measure_reaching(context: Context) -> dict[str, Any]:
 def measure_tracking(context: Context) -> dict[str, Any]:
     """The best that keeps the target, and play with the simulation's truth and at random, on the same starts."""
     steps = context.runs[0].config().steps
-    robot = cast(references.Follower, make_robot("tracking"))
+    robot = cast(baselines.Follower, make_robot("tracking"))
     best = {"name": "optimum", "return_px": mean_optimal_return(_STARTS, steps)}
     played = [best | {"length": steps, "full_length_share": 1.0}]
     for policy in ("greedy", "random"):
-        episodes = [references.play(robot, policy, seed, steps) for seed in _STARTS]
+        episodes = [baselines.play(robot, policy, seed, steps) for seed in _STARTS]
         played.append(
             {
                 "name": {"greedy": "greedy on the truth", "random": "random play"}[policy],
@@ -143,7 +143,7 @@ def _references(axes: Axes, name: str, lines: list[dict[str, Any]]) -> None:
 
 
 def table(document: Document) -> str:
-    """What each algorithm returned over its last iterations, beside the references."""
+    """What each algorithm returned over its last iterations, beside the baselines."""
     groups = group(document["runs"], "algorithm", "hidden_units")
     best = max(
         (_last_returns(seeds).mean() for (name, _), seeds in groups.items() if name == "cvi"),

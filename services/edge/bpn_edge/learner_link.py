@@ -92,8 +92,8 @@ class LearnerLink:
         if receipt is None:  # the worker was stopped
             return
         worker.waiting.done()
-        worker.counters.add(f"episodes_{receipt.verdict}")
-        if receipt.verdict == "refused":
+        worker.counters.add(f"episodes_{receipt.status}")
+        if receipt.status == "refused":
             worker.counters.refuse("episodes_not_wanted", f"{which}: {receipt.reason}")
 
     def _show(self, reason: str) -> None:

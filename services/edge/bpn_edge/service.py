@@ -78,10 +78,10 @@ def serve(worker: Worker, config: RunConfig, kernels: Sequence[str] = ()) -> int
             assignment = learner.next_episode(newest)
             if assignment is None:
                 break
-            if assignment.verdict == "finished":  # what is in hand is nobody's wish any more
+            if assignment.status == "finished":  # what is in hand is nobody's wish any more
                 log.info("the run is finished")
                 break
-            if assignment.verdict == "wait":
+            if assignment.status == "wait":
                 learner.deliver()
                 worker.waiting.set(assignment.reason)
                 if memory.wait_newer(newest, pace.next_pause_s()):  # the update is done

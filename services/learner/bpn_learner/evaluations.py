@@ -102,7 +102,7 @@ class Evaluations:
             return None
         trials = self._now
         if trials is None or meta.iteration != trials.iteration:
-            return EpisodeReceipt(verdict="duplicate")
+            return EpisodeReceipt(status="duplicate")
         return trials.receive(data)
 
     def fault(self, fault: Fault) -> FaultReceipt | None:

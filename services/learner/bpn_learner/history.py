@@ -16,7 +16,7 @@ from bpn_learner.checkpoint import (
     decode_network,
 )
 from bpn_learner.episodes import DataError, Scored
-from bpn_learner.initial import initial_policy
+from bpn_learner.factory import initial_policy
 from bpn_learner.networks import PNetwork
 from bpn_shared.bnn.envelope import BlobError
 from bpn_shared.bnn.weights import Weights

@@ -150,21 +150,21 @@ class EpisodeLedger:
             self._told[asked.slot] = self._finished
             self._changed.notify_all()
             if self._finished:
-                return Assignment(verdict="finished", reason="all iterations are done")
+                return Assignment(status="finished", reason="all iterations are done")
             if not self._collecting:
-                return Assignment(verdict="wait", reason="the policy update")
+                return Assignment(status="wait", reason="the policy update")
             lease = Lease.begin(asked, self._config)
             in_hand = self._in_hand(asked)
             if in_hand is not None:
                 self._leases[in_hand] = lease
             episode = self._choose(asked.slot, in_hand)
             if episode is None:
-                return Assignment(verdict="wait", reason="the other robots' episodes")
+                return Assignment(status="wait", reason="the other robots' episodes")
             self._leases[episode] = lease
             if asked.weights_version is not None:
                 self._lags.append(max(0, self._iteration - asked.weights_version))
             return Assignment(
-                verdict="play",
+                status="play",
                 iteration=self._iteration,
                 episode=episode,
                 seed=episode_seed(self._config.seed, self._iteration, episode),
@@ -213,19 +213,19 @@ class EpisodeLedger:
             if reason := self._untimely(meta):
                 return self._refuse(meta, reason, counts=False)
             if self._is_there(meta):
-                return EpisodeReceipt(verdict="duplicate")
+                return EpisodeReceipt(status="duplicate")
         try:
             scored = score(episode, self._config)
         except EpisodeError as error:
             return self._refuse(meta, str(error))
         with self._changed:
             if self._is_there(meta):
-                return EpisodeReceipt(verdict="duplicate")
+                return EpisodeReceipt(status="duplicate")
             self._store(scored, data)
             self._leases.pop(meta.episode, None)
             self._obstacle = ""
             self._changed.notify_all()
-            return EpisodeReceipt(verdict="stored")
+            return EpisodeReceipt(status="stored")
 
     def _untimely(self, meta: EpisodeMeta) -> str | None:
         """Why an episode is not of what is collected now, though it may be a good one."""
@@ -267,7 +267,7 @@ class EpisodeLedger:
         )
         if counts:
             self._count(meta.iteration, meta.episode, reason)
-        return EpisodeReceipt(verdict="refused", reason=reason)
+        return EpisodeReceipt(status="refused", reason=reason)
 
     def fault(self, fault: Fault) -> FaultReceipt:
         """Notes that an episode cannot be had."""

@@ -3,13 +3,13 @@
 import contextlib
 import logging
 
+from bpn_learner.factory import initial_policy
 from bpn_learner.group import GroupLostError
 from bpn_learner.handout import receive_state
-from bpn_learner.initial import initial_policy
 from bpn_learner.rendezvous import join
 from bpn_learner.update import DivergenceError, UpdateConfig, UpdateStopped, fit
 from bpn_shared.bus import keys
-from bpn_shared.messages.meeting import MeetingReply, MeetingRequest
+from bpn_shared.messages.rendezvous import RendezvousReply, RendezvousRequest
 from bpn_shared.runtime.worker import EXIT_FINISHED, Worker, fetch_config
 from bpn_shared.spec.config import RunConfig
 from bpn_shared.spec.seeds import shuffle_generator
@@ -29,9 +29,9 @@ def serve_member(worker: Worker) -> int:
     if config is None:
         return EXIT_FINISHED
     member = _Member(worker, config)
-    while (meeting := member.next_meeting()) is not None:
+    while (found := member.next_rendezvous()) is not None:
         try:
-            member.update(meeting)
+            member.update(found)
         except UpdateStopped:
             break
         except (GroupLostError, DivergenceError) as error:
@@ -44,36 +44,36 @@ class _Member:
         self._worker, self._config = worker, config
         self._network, self._optimizer = initial_policy(config)
 
-    def next_meeting(self) -> MeetingReply | None:
+    def next_rendezvous(self) -> RendezvousReply | None:
         """Waits for rank 0 to begin an update; None if the worker was stopped."""
         worker = self._worker
-        body = MeetingRequest(rank=worker.slot, worker=worker.id).encode()
-        key = keys.meeting(worker.run)
+        body = RendezvousRequest(rank=worker.slot, worker=worker.id).encode()
+        key = keys.rendezvous(worker.run)
         while not worker.stop.is_set():
             reply = worker.ask(
                 key,
                 body,
-                MeetingReply.decode,
+                RendezvousReply.decode,
                 waiting_for="the run's learner of rank 0",
-                refused_as="meetings_refused",
+                refused_as="rendezvous_refused",
             )
             if reply is None:
                 break
-            if reply.verdict == "meet":
+            if reply.status == "meet":
                 worker.waiting.done()
                 return reply
             worker.waiting.set("the run's next update")
             worker.stop.wait(_ASK_AGAIN_S)
         return None
 
-    def update(self, meeting: MeetingReply) -> None:
+    def update(self, found: RendezvousReply) -> None:
         """Takes part in one update.
 
         Raises:
             GroupLostError, DivergenceError: it was given up.
             UpdateStopped: the worker was stopped.
         """
-        with contextlib.closing(join(self._worker, meeting, self._config)) as group:
+        with contextlib.closing(join(self._worker, found, self._config)) as group:
             regression, iteration = receive_state(group, self._network, self._optimizer)
             fit(
                 self._network,

@@ -26,7 +26,7 @@ from bpn_learner.update import UpdateStopped
 from bpn_shared.bus import keys
 from bpn_shared.bus.address import own_address
 from bpn_shared.bus.requests import RefusedError, Responder
-from bpn_shared.messages.meeting import MeetingReply, MeetingRequest
+from bpn_shared.messages.rendezvous import RendezvousReply, RendezvousRequest
 from bpn_shared.runtime.worker import Worker
 from bpn_shared.spec.config import RunConfig
 
@@ -52,23 +52,23 @@ class Rendezvous:
         self._address = own_address(worker.bus.endpoint)
         self._changed = threading.Condition()
         self._asked: dict[int, tuple[str, float]] = {}  # by rank: who, and when last
-        self._meeting: MeetingReply | None = None
+        self._reply: RendezvousReply | None = None
         self._responder = Responder(
-            worker.bus, keys.meeting(worker.run), self._answer, worker.counters
+            worker.bus, keys.rendezvous(worker.run), self._answer, worker.counters
         )
 
     def _answer(self, body: bytes) -> bytes:
-        asked = MeetingRequest.decode(body)
+        asked = RendezvousRequest.decode(body)
         if not 1 <= asked.rank < self._size:
             raise RefusedError(f"rank {asked.rank}: this run has learners 0..{self._size - 1}")
         now_s = time.monotonic()
         with self._changed:
             who, last_s = self._asked.get(asked.rank, (asked.worker, now_s))
             if who != asked.worker and now_s - last_s < PRESENT_S:
-                return MeetingReply(verdict="wait").encode()  # that rank is another one's
+                return RendezvousReply(status="wait").encode()  # that rank is another one's
             self._asked[asked.rank] = asked.worker, now_s
             self._changed.notify_all()
-            return (self._meeting or MeetingReply(verdict="wait")).encode()
+            return (self._reply or RendezvousReply(status="wait")).encode()
 
     @contextlib.contextmanager
     def gathered(self) -> Iterator[DistributedGroup]:
@@ -83,12 +83,12 @@ class Rendezvous:
             port: int = listening.getsockname()[1]
             store = open_store(self._address, port, listening.detach())
         with self._changed:
-            self._meeting = MeetingReply(verdict="meet", host=self._address, port=port)
+            self._reply = RendezvousReply(status="meet", host=self._address, port=port)
         try:
             group = connect(store, self._address, 0, self._config)
         finally:
             with self._changed:
-                self._meeting = None
+                self._reply = None
                 self._asked.clear()  # who goes on with the next update will ask again
         with contextlib.closing(group):
             yield group
@@ -111,16 +111,16 @@ class Rendezvous:
         return f"learner {ranks} of 0..{self._size - 1}" if absent else ""
 
 
-def join(worker: Worker, meeting: MeetingReply, config: RunConfig) -> DistributedGroup:
+def join(worker: Worker, found: RendezvousReply, config: RunConfig) -> DistributedGroup:
     """A member's end: connects it with the others that meet.
 
     Raises:
         GroupLostError: not all came in time, or they cannot be reached from here.
     """
     try:
-        store = open_store(meeting.host, meeting.port)
+        store = open_store(found.host, found.port)
     except RuntimeError as error:
-        raise GroupLostError(f"{meeting.host} port {meeting.port}: {brief(error)}") from error
+        raise GroupLostError(f"{found.host} port {found.port}: {brief(error)}") from error
     return connect(store, own_address(worker.bus.endpoint), worker.slot, config)
 
 

@@ -9,8 +9,8 @@ from bpn_learner.callbacks.extras import usable_callbacks
 from bpn_learner.checkpoint import CheckpointError
 from bpn_learner.episodes import DataError
 from bpn_learner.evaluations import Evaluations
+from bpn_learner.factory import has_gpu
 from bpn_learner.group import GroupLostError
-from bpn_learner.initial import has_gpu
 from bpn_learner.ledger import EpisodeLedger
 from bpn_learner.member import serve_member
 from bpn_learner.refusals import EpisodeImpossibleError
@@ -119,7 +119,7 @@ def _train(worker: Worker, owner: Ownership) -> None:
             receipt = evaluations.receive(body) or ledger.receive(body)
         except StorageError as error:
             raise RefusedError(str(error)) from error
-        worker.counters.add(EPISODES_STORED, receipt.verdict == "stored")
+        worker.counters.add(EPISODES_STORED, receipt.status == "stored")
         return receipt.encode()
 
     def fault(body: bytes) -> bytes:

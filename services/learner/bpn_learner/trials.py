@@ -97,10 +97,10 @@ class TrialLedger:
                 self._in_hand[slot] = asked.in_hand[1], lease
             trial = self._choose(slot)
             if trial is None:
-                return Assignment(verdict="wait", reason="the other robots' trials")
+                return Assignment(status="wait", reason="the other robots' trials")
             self._held[slot] = trial, lease
         return Assignment(
-            verdict="play",
+            status="play",
             iteration=self.iteration,
             episode=trial,
             seed=self._seed(trial),
@@ -145,7 +145,7 @@ class TrialLedger:
             self._episodes.setdefault(meta.episode, episode)
             if len(self._episodes) == self._count:
                 self.over.set()
-        return EpisodeReceipt(verdict="duplicate" if known else "stored")
+        return EpisodeReceipt(status="duplicate" if known else "stored")
 
     def _why_other(self, meta: EpisodeMeta) -> str | None:
         """What keeps an episode from being one of these trials, if anything does."""
@@ -160,7 +160,7 @@ class TrialLedger:
     def _refuse(self, meta: EpisodeMeta, reason: str) -> EpisodeReceipt:
         if meta.iteration == self.iteration:
             self._count_refusal(meta.episode, reason)
-        return EpisodeReceipt(verdict="refused", reason=reason[:MAX_REASON])
+        return EpisodeReceipt(status="refused", reason=reason[:MAX_REASON])
 
     def fault(self, fault: Fault) -> FaultReceipt:
         """Notes that a trial cannot be had; one of which that is told again and again ends them."""

@@ -7,7 +7,7 @@ import numpy.typing as npt
 
 from bpn_shared.spec.network import IMAGE_SIZE_PX
 from bpn_shared.spec.rewards import Frames, RewardError
-from bpn_tasks.disc import disc_centre_px
+from bpn_tasks.circle_fit import disc_centre_px
 from bpn_tasks.framing import nearest_on_border
 from bpn_tasks.markers import HAND_LEVEL, TARGET_LEVEL, Disc
 from bpn_tasks.sightings import ColouredDisc, Sighting, exactness, hand_and_target

@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from bpn_shared.spec.rewards import Frames
-from bpn_tasks.disc import fitted_disc
+from bpn_tasks.circle_fit import fitted_disc
 from bpn_tasks.markers import REACHING_TARGET_RADIUS_PX, Disc
 
 Image = npt.NDArray[np.float32]

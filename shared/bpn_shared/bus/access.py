@@ -103,7 +103,7 @@ CHANNELS: tuple[Channel, ...] = (
     Channel(keys.action(ANY, ANY), "stream", ("edge",), ("robot_sim",)),
     Channel(keys.reset(ANY, ANY), "request", ("edge",), ("robot_sim",)),
     Channel(keys.config(ANY), "request", ("edge", "robot_sim", "learner"), ("learner",)),
-    Channel(keys.meeting(ANY), "request", ("learner",), ("learner",)),
+    Channel(keys.rendezvous(ANY), "request", ("learner",), ("learner",)),
     Channel(keys.next_episode(ANY), "request", ("edge",), ("learner",)),
     Channel(keys.episode(ANY), "request", ("edge",), ("learner",), episode.MAX_BYTES),
     Channel(keys.fault(ANY), "request", ("edge", "robot_sim"), ("learner",)),

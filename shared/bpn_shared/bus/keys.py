@@ -51,9 +51,9 @@ def config(run: Run) -> str:
     return f"bpn/{run}/learner/config"
 
 
-def meeting(run: Run) -> str:
+def rendezvous(run: Run) -> str:
     """Where a run's learner of rank 0 tells the others where the next update is."""
-    return f"bpn/{run}/learner/meeting"
+    return f"bpn/{run}/learner/rendezvous"
 
 
 def weights(run: Run) -> str:

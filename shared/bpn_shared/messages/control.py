@@ -53,7 +53,7 @@ class Assignment(Message):
     is collected (Algorithm 1).
     """
 
-    verdict: Literal["play", "wait", "finished"]
+    status: Literal["play", "wait", "finished"]
     reason: Reason = ""
     iteration: Count = 0
     episode: Count = 0
@@ -69,10 +69,10 @@ class Assignment(Message):
 class EpisodeReceipt(Message):
     """learner -> edge: the episode is on disk (`stored`), was there already (`duplicate`), or is not wanted.
 
-    Whatever the verdict, the edge must not send it again.
+    Whatever the status, the edge must not send it again.
     """
 
-    verdict: Literal["stored", "duplicate", "refused"]
+    status: Literal["stored", "duplicate", "refused"]
     reason: Reason = ""
 
 

@@ -52,7 +52,7 @@ class LeaseRequest(Message):
 class LeaseReply(Message):
     """registry -> worker: work on this (`lease`), or ask again after `retry_s` (`wait`)."""
 
-    verdict: Literal["lease", "wait"]
+    status: Literal["lease", "wait"]
     run: RunId | None = None
     slot: Count = 0
     retry_s: Annotated[float, Field(gt=0, le=60)] = 1.0

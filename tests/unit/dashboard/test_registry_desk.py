@@ -40,7 +40,7 @@ class Desk:
     def ask(self, worker: str, role: Role = "learner", **more: Any) -> tuple[str, str | None, int]:
         told = {"role": role, "worker": worker, "protocol": PROTOCOL} | more
         reply = LeaseReply.decode(self.desk.answer(LeaseRequest(**told).encode()))
-        return reply.verdict, reply.run, reply.slot
+        return reply.status, reply.run, reply.slot
 
     def token(self, worker: str, there: bool, role: Role = "learner") -> None:
         self.desk.on_lease(keys.lease(RUN, role, 0, worker), there)

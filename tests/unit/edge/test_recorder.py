@@ -52,7 +52,7 @@ def test_an_episode_holds_what_was_seen_done_and_computed(
         if step < len(actions):
             recorder.add_outputs(outputs[step], step, edge_ns=step)
     assignment = Assignment(
-        verdict="play", iteration=4, episode=2, seed=5, weights_attempt=1, weights_version=6
+        status="play", iteration=4, episode=2, seed=5, weights_attempt=1, weights_version=6
     )
     episode = recorder.finish(assignment, slot=3, worker="edge-3", weights_attempt=8)
     np.testing.assert_array_equal(episode.frames, frames)

@@ -19,7 +19,7 @@ from played import CONFIG, episode
 
 from bpn_learner.callbacks.calling import MAX_ADDED
 from bpn_learner.evaluations import STREAM, Evaluations
-from bpn_learner.initial import initial_policy
+from bpn_learner.factory import initial_policy
 from bpn_learner.ledger import EpisodeLedger
 from bpn_learner.training import Training
 from bpn_learner.trials import EVALUATION
@@ -87,7 +87,7 @@ class Loop:
         asked = NextEpisode(slot=0, worker="edge-0")
         while not stop.is_set():
             told = self.evaluations.next(asked) or self.ledger.next(asked)
-            if told.verdict != "play":
+            if told.status != "play":
                 stop.wait(0.001)
                 continue
             is_trial = told.iteration >= EVALUATION

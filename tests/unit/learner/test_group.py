@@ -24,9 +24,9 @@ from minibatches import (
 )
 from torch import Tensor
 
+from bpn_learner.factory import initial_policy
 from bpn_learner.group import SINGLE_PROCESS, DistributedGroup, Group, GroupLostError
 from bpn_learner.handout import broadcast_state, receive_state
-from bpn_learner.initial import initial_policy
 from bpn_learner.minibatch import minibatch_gradients
 from bpn_learner.networks import PNetwork
 from bpn_learner.rendezvous import connect, open_store

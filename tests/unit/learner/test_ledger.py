@@ -54,7 +54,7 @@ def test_the_lag_of_weights_is_told_of_hand_outs_alone(owner: Ownership) -> None
 
     def ask_with(slot: int, version: int | None) -> str:
         asked = NextEpisode(slot=slot, worker=f"edge-{slot}", weights_version=version)
-        return ledger.next(asked).verdict
+        return ledger.next(asked).status
 
     assert ask_with(0, 4) == "wait"  # there is no newer version yet
     ledger.begin(5)
@@ -111,12 +111,12 @@ def test_who_played_in_the_iteration_before_holds_nothing_of_the_next(owner: Own
 def test_an_episode_is_on_disk_when_it_is_acknowledged_and_counts_once(
     owner: Ownership, ledger: EpisodeLedger
 ) -> None:
-    assert ledger.receive(played(0, 2)).verdict == "stored"
+    assert ledger.receive(played(0, 2)).status == "stored"
     assert owner.folder.episode_path(0, 2).read_bytes() == played(0, 2)
-    assert ledger.receive(played(0, 2)).verdict == "duplicate"
+    assert ledger.receive(played(0, 2)).status == "duplicate"
     assert ledger.redelivered == 1
     ledger.begin(1)
-    assert ledger.receive(played(0, 2)).verdict == "duplicate"
+    assert ledger.receive(played(0, 2)).status == "duplicate"
 
 
 @settings(max_examples=30)
@@ -151,7 +151,7 @@ def test_what_is_no_data_is_refused_with_its_reason_and_handed_out_again(
 ) -> None:
     assert ask(ledger, 0) == ("play", 0)
     receipt = ledger.receive(data)
-    assert receipt.verdict == "refused"
+    assert receipt.status == "refused"
     assert re.search(reason, receipt.reason)
     assert stored(owner) == []
     assert ask(ledger, 0) == ("play", 0)
@@ -163,11 +163,11 @@ def test_an_action_that_the_task_does_not_have_is_a_refusal_of_the_episode(
     bad = episode(0, 0)
     bad.actions[:] = 200
     receipt = ledger.receive(bad.encode())
-    assert (receipt.verdict, "action 200" in receipt.reason) == ("refused", True)
+    assert (receipt.status, "action 200" in receipt.reason) == ("refused", True)
 
 
 def test_an_episode_that_was_terminated_may_be_shorter(ledger: EpisodeLedger) -> None:
-    assert ledger.receive(played(0, 0, steps=1, terminated=True)).verdict == "stored"
+    assert ledger.receive(played(0, 0, steps=1, terminated=True)).status == "stored"
 
 
 def test_rewards_told_by_a_robot_have_to_be_finite_and_its_episodes_may_end_early(
@@ -182,9 +182,9 @@ def test_rewards_told_by_a_robot_have_to_be_finite_and_its_episodes_may_end_earl
         for odd in (np.nan, np.inf, -np.inf):
             assert "the reward of step 0 is" in ledger.receive(played(0, 0, rewards=odd)).reason
             assert stored(owner) == []
-        assert ledger.receive(played(0, 0, rewards=1.0)).verdict == "stored"
-        assert ledger.receive(played(0, 1, steps=1, rewards=1.0)).verdict == "stored"
-        assert ledger.receive(played(0, 2, steps=3, rewards=1.0)).verdict == "refused"
+        assert ledger.receive(played(0, 0, rewards=1.0)).status == "stored"
+        assert ledger.receive(played(0, 1, steps=1, rewards=1.0)).status == "stored"
+        assert ledger.receive(played(0, 2, steps=3, rewards=1.0)).status == "refused"
 
 
 def test_bytes_of_which_nothing_is_known_are_refused_as_such(ledger: EpisodeLedger) -> None:
@@ -203,14 +203,14 @@ def test_an_episode_of_another_version_is_said_to_be_waited_for(owner: Ownership
     assert "schema 99" in (waiting.snapshot()[0] or "")
 
 
-@pytest.mark.parametrize(("oldest", "attempt", "verdict"), [
+@pytest.mark.parametrize(("oldest", "attempt", "status"), [
     (0, 1, "stored"), (0, 3, "stored"), (3, 3, "stored"), (3, 2, "refused"), (0, 4, "refused"),
 ])  # fmt: skip
 def test_data_of_an_earlier_attempt_count_if_its_weights_were_the_same(
-    owner: Ownership, oldest: int, attempt: int, verdict: str
+    owner: Ownership, oldest: int, attempt: int, status: str
 ) -> None:
     owner.begin_attempt()
     owner.begin_attempt()
     ledger = make(owner)
     ledger.begin(0, oldest_attempt=oldest)
-    assert ledger.receive(played(0, 0, weights_attempt=attempt)).verdict == verdict
+    assert ledger.receive(played(0, 0, weights_attempt=attempt)).status == status

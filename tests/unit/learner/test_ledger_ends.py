@@ -118,7 +118,7 @@ def test_what_cannot_be_kept_is_not_acknowledged_and_delivered_again(
             pass
         assert re.search(reason, waiting.snapshot()[0] or "")
         assert stored(owner) == []
-    assert ledger.receive(played(0, 1)).verdict == "stored"  # by itself, once there is room
+    assert ledger.receive(played(0, 1)).status == "stored"  # by itself, once there is room
     with stopped_soon(ledger):
         pass
     assert waiting.snapshot()[0] == "4 episodes of iteration 0"
@@ -166,8 +166,8 @@ def test_a_restarted_learner_takes_up_what_is_on_disk(owner: Ownership) -> None:
     second = make(owner, {"edge-0"})
     second.begin(0)
     assert ask(second, 0) == ("play", 1)
-    assert second.receive(played(0, 0)).verdict == "duplicate"
-    assert second.receive(played(0, 1)).verdict == "stored"
+    assert second.receive(played(0, 0)).status == "duplicate"
+    assert second.receive(played(0, 1)).status == "stored"
     assert stored(owner) == [
         "000000-00000.bpne", "000000-00001.bpne", "000000-00001.damaged-1", "000000-00003.bpne",
     ]  # fmt: skip
@@ -204,7 +204,7 @@ def test_during_the_update_edges_are_told_so(ledger: EpisodeLedger) -> None:
         ledger.receive(played(0, index))
     wait(ledger)
     told = ledger.next(NextEpisode(slot=0, worker="edge-0"))
-    assert (told.verdict, told.reason) == ("wait", "the policy update")
+    assert (told.status, told.reason) == ("wait", "the policy update")
 
 
 def test_who_has_no_episode_left_is_told_what_it_waits_for(ledger: EpisodeLedger) -> None:
@@ -212,7 +212,7 @@ def test_who_has_no_episode_left_is_told_what_it_waits_for(ledger: EpisodeLedger
         ledger.receive(played(0, index))
     assert ask(ledger, 0) == ("play", 3)
     told = ledger.next(NextEpisode(slot=1, worker="edge-1"))
-    assert (told.verdict, told.reason) == ("wait", "the other robots' episodes")
+    assert (told.status, told.reason) == ("wait", "the other robots' episodes")
 
 
 def test_after_the_last_iteration_edges_are_told_so(ledger: EpisodeLedger) -> None:

@@ -17,7 +17,7 @@ def ask(
     ledger: EpisodeLedger, slot: int = 0, in_hand: tuple[int, int] | None = None
 ) -> tuple[str, int]:
     told = ledger.next(NextEpisode(slot=slot, worker=f"edge-{slot}", in_hand=in_hand))
-    return told.verdict, told.episode
+    return told.status, told.episode
 
 
 def test_what_is_in_hand_is_given_to_nobody_until_its_slot_has_lost_it(owner: Ownership) -> None:
@@ -62,7 +62,7 @@ class Edge:
             in_hand=(hand.iteration, hand.episode) if hand else None,
         )
         told = self._ledger.next(asked)
-        if told.verdict != "play":
+        if told.status != "play":
             self.deliver()
         else:
             assert told != hand, "it is given what it has in hand"
@@ -71,7 +71,7 @@ class Edge:
     def deliver(self) -> None:
         if self.in_hand is not None:
             data = played(self.in_hand.iteration, self.in_hand.episode, slot=self.slot)
-            assert self._ledger.receive(data).verdict != "refused"
+            assert self._ledger.receive(data).status != "refused"
         self.in_hand = None
 
     def step(self, what: str) -> None:

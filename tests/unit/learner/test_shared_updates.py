@@ -10,9 +10,9 @@ from torch import Tensor
 from training_runs import INTERRUPTED, RUN, Runs, shas, train
 
 from bpn_learner import training as training_module
+from bpn_learner.factory import initial_policy
 from bpn_learner.group import GroupLostError, SingleProcess
 from bpn_learner.handout import MAX_BYTES, receive_state
-from bpn_learner.initial import initial_policy
 from bpn_learner.training import GIVE_UP_AFTER
 from bpn_learner.update import policy_update
 from bpn_shared.runs.folder import RunFolder

@@ -8,7 +8,7 @@ import pytest
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 from training_runs import INTERRUPTED, RUN, Edge, Runs, shas, train
 
-from bpn_learner.initial import initial_policy
+from bpn_learner.factory import initial_policy
 from bpn_learner.ledger import EpisodeLedger
 from bpn_learner.reward import episode_rewards
 from bpn_learner.training import Training

@@ -13,7 +13,7 @@ from training_runs import INTERRUPTED, RUN, Runs, shas, train
 
 from bpn_learner.checkpoint import CheckpointError, encode_checkpoint
 from bpn_learner.episodes import DataError
-from bpn_learner.initial import initial_policy
+from bpn_learner.factory import initial_policy
 from bpn_shared.runs.digests import seal_line
 from bpn_shared.runs.folder import RunFolder
 from bpn_shared.spec.config import RunConfig

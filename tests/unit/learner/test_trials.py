@@ -29,7 +29,7 @@ def make(alive: set[str] | None = None, count: int = 2) -> TrialLedger:
 
 def ask(trials: TrialLedger, slot: int) -> int | None:
     told = trials.next(NextEpisode(slot=slot, worker=f"edge-{slot}"))
-    return told.episode if told.verdict == "play" else None
+    return told.episode if told.status == "play" else None
 
 
 def trial(index: int, **changes: Any) -> Episode:
@@ -63,10 +63,10 @@ def test_what_is_none_of_the_trials_gets_a_receipt_and_does_not_count(
 ) -> None:
     trials = make()
     receipt = trials.receive(trial(index, **changes).encode())
-    assert receipt.verdict == "refused"
+    assert receipt.status == "refused"
     assert why in receipt.reason
     assert trials.played == 0
-    assert [trials.receive(trial(n).encode()).verdict for n in (0, 0, 1)] == [
+    assert [trials.receive(trial(n).encode()).status for n in (0, 0, 1)] == [
         "stored", "duplicate", "stored",
     ]  # fmt: skip
     assert trials.over.is_set()
@@ -77,7 +77,7 @@ def test_a_trial_that_does_not_fit_the_task_is_refused_and_ends_them_when_it_com
     trials, odd = make(), replace(trial(0), actions=np.full(2, TASK.actions, np.uint8))
     for count in range(SAME_REASON):
         assert not trials.over.is_set(), count
-        assert trials.receive(odd.encode()).verdict == "refused"
+        assert trials.receive(odd.encode()).status == "refused"
     assert trials.over.is_set()
     assert trials.failure == (
         f"trial 0 cannot be played: episode: action {TASK.actions} is outside 0..{TASK.actions - 1} "

@@ -9,8 +9,8 @@ import pytest
 from played import CONFIG
 
 from bpn_learner.checkpoint import CheckpointError, encode_checkpoint
+from bpn_learner.factory import initial_policy
 from bpn_learner.history import History
-from bpn_learner.initial import initial_policy
 from bpn_shared.runs.folder import RunFolder
 from bpn_shared.spec.config import ConfigError, RunConfig
 

@@ -13,12 +13,12 @@ from hypothesis import strategies as st
 from paper import TASKS
 
 import bpn_robot_sim  # noqa: F401 - registers the environments
-from bpn_robot_sim import ENVIRONMENTS, references
+from bpn_robot_sim import ENVIRONMENTS, baselines
 from bpn_robot_sim.robots import make_robot
 
 Env = gymnasium.Env[Any, Any]
 
-BOTH = pytest.mark.parametrize("name", references.MOVING_TARGETS)
+BOTH = pytest.mark.parametrize("name", baselines.MOVING_TARGETS)
 STEPS = {"tracking": 40, "pan_tilt": 80}  # T, the paper's sections V-A-2 and VI-B
 plays = st.lists(st.integers(0, 2**16), max_size=30)
 seeds = st.integers(0, 2**63 - 1)
@@ -126,8 +126,8 @@ def test_greedy_play_lasts_until_the_time_limit(name: str, env_of: Callable[...,
 @BOTH
 def test_standing_still_and_random_play_lose_the_target(name: str) -> None:
     robot: Any = make_robot(name)
-    held = [references.play(robot, "hold", seed, STEPS[name]) for seed in range(100)]
-    random = [references.play(robot, "random", seed, STEPS[name]) for seed in range(100)]
+    held = [baselines.play(robot, "hold", seed, STEPS[name]) for seed in range(100)]
+    random = [baselines.play(robot, "random", seed, STEPS[name]) for seed in range(100)]
     robot.close()
     assert all(episode.lost and episode.steps < STEPS[name] for episode in held)
     assert np.mean([episode.lost for episode in random]) > 0.95
@@ -154,11 +154,11 @@ def test_the_command_prints_what_play_gives(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("sys.argv", ["references", "tracking", "--episodes", "2"])
-    references.main()
+    baselines.main()
     lines = {line.split()[0]: line.split() for line in capsys.readouterr().out.splitlines()[1:]}
     robot: Any = make_robot("tracking")
     for policy, line in lines.items():
-        episodes = [references.play(robot, policy, seed, 40) for seed in range(2)]  # type: ignore[arg-type]
+        episodes = [baselines.play(robot, policy, seed, 40) for seed in range(2)]  # type: ignore[arg-type]
         assert float(line[1]) == pytest.approx(np.mean([e.return_px for e in episodes]), abs=0.06)
     robot.close()
     assert set(lines) == {"greedy", "random", "hold"}

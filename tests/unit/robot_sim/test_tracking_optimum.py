@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bpn_robot_sim.references import play
+from bpn_robot_sim.baselines import play
 from bpn_robot_sim.tracking import geometry, optimum
 from bpn_robot_sim.tracking.robot import TrackingRobot
 

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from bpn_shared.camera.disturbed import EpisodeCamera
 from bpn_shared.spec.disturbances import parse
 from bpn_shared.spec.rewards import RewardError
-from bpn_tasks.disc import fitted_disc
+from bpn_tasks.circle_fit import fitted_disc
 from bpn_tasks.markers import (
     ARM_LEVEL,
     HAND_LEVEL,

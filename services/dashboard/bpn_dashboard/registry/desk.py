@@ -140,9 +140,9 @@ class LeaseDesk:
             places = [p for p in places if self._may_offer(p, asked.worker, now_s)]
         for place in places:
             if self._grant(place, asked.worker):
-                reply = LeaseReply(verdict="lease", run=str(place.run), slot=place.slot)
+                reply = LeaseReply(status="lease", run=str(place.run), slot=place.slot)
                 return reply.encode()
-        return LeaseReply(verdict="wait", retry_s=RETRY_S).encode()
+        return LeaseReply(status="wait", retry_s=RETRY_S).encode()
 
     def told(self) -> list[LeaseRequest]:
         """What every connected worker that has asked for work told of itself then."""

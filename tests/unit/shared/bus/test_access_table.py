@@ -33,7 +33,7 @@ WHO: dict[str, dict[str, set[str]]] = {
     keys.preview(RUN, 0): {"publish": {"robot_sim"}, "get": {"dashboard"}},
     keys.decision(RUN, 0): {"publish": {"edge"}, "get": {"dashboard"}},
     keys.config(RUN): {"ask": WORKERS, "answer": {"learner"}},
-    keys.meeting(RUN): {"ask": {"learner"}, "answer": {"learner"}},
+    keys.rendezvous(RUN): {"ask": {"learner"}, "answer": {"learner"}},
     keys.next_episode(RUN): {"ask": {"edge"}, "answer": {"learner"}},
     keys.episode(RUN): {"ask": {"edge"}, "answer": {"learner"}},
     keys.fault(RUN): {"ask": {"edge", "robot_sim"}, "answer": {"learner"}},

@@ -63,8 +63,8 @@ MESSAGES = [
     ResetReply(reset_id=2**64 - 1),
     NextEpisode(slot=0, worker="edge-1a"),
     NextEpisode(slot=0, worker="edge-1a", weights_version=7),
-    Assignment(verdict="play", iteration=1, episode=2, seed=3, weights_version=1),
-    EpisodeReceipt(verdict="refused", reason="no"),
+    Assignment(status="play", iteration=1, episode=2, seed=3, weights_version=1),
+    EpisodeReceipt(status="refused", reason="no"),
     MetricsBatch(points=[Point(name="loss", step=1, value=0.5, time_ns=1)]),
     Decision(
         iteration=1, episode=2, step=3, action=4, outputs=[-5, 2**31 - 1], scale=0.25,

@@ -15,7 +15,7 @@ from bpn_learner.update import UpdateStopped
 from bpn_shared.bus import keys
 from bpn_shared.bus.requests import RefusedError, request
 from bpn_shared.bus.session import Bus
-from bpn_shared.messages.meeting import MeetingReply, MeetingRequest
+from bpn_shared.messages.rendezvous import RendezvousReply, RendezvousRequest
 from bpn_shared.runtime.worker import Worker
 from bpn_shared.spec.config import RunConfig
 
@@ -37,10 +37,10 @@ def worker_of(open_bus: Callable[[], Bus]) -> Callable[[int], Worker]:
     return make
 
 
-def ask(worker: Worker, rank: int | None = None) -> MeetingReply:
-    asked = MeetingRequest(rank=worker.slot if rank is None else rank, worker=worker.id)
-    answer = request(worker.bus, keys.meeting(RUN), asked.encode(), timeout_s=10.0)
-    return MeetingReply.decode(answer)
+def ask(worker: Worker, rank: int | None = None) -> RendezvousReply:
+    asked = RendezvousRequest(rank=worker.slot if rank is None else rank, worker=worker.id)
+    answer = request(worker.bus, keys.rendezvous(RUN), asked.encode(), timeout_s=10.0)
+    return RendezvousReply.decode(answer)
 
 
 class First(threading.Thread):
@@ -79,19 +79,19 @@ def test_an_update_begins_when_all_learners_are_there_and_its_sums_are_all_of_th
     sums: dict[int, float] = {}
 
     def take_part(rank: int) -> None:
-        meetings: list[MeetingReply] = []
+        replies: list[RendezvousReply] = []
         wait_for(
-            lambda: meetings.append(ask(workers[rank])) or meetings[-1].verdict == "meet",
-            "the meeting",
+            lambda: replies.append(ask(workers[rank])) or replies[-1].status == "meet",
+            "the rendezvous",
         )
-        assert meetings[-1].host == "127.0.0.1"  # where the router is
-        with contextlib.closing(join(workers[rank], meetings[-1], CONFIG)) as group:
+        assert replies[-1].host == "127.0.0.1"  # where the router is
+        with contextlib.closing(join(workers[rank], replies[-1], CONFIG)) as group:
             values = torch.tensor([float(rank)])
             group.all_reduce_sum(values)
             sums[rank] = float(values)
 
     with gathering(workers[0]) as first:
-        assert ask(workers[1]).verdict == "wait"
+        assert ask(workers[1]).status == "wait"
         wait_for(
             lambda: workers[0].waiting.snapshot()[0] == "learner 2 of 0..2", "rank 0 to say whom"
         )
@@ -107,7 +107,7 @@ def test_an_update_begins_when_all_learners_are_there_and_its_sums_are_all_of_th
             other.join(30)
         assert sums == {1: 13.0, 2: 13.0}
         assert float(values) == 13.0
-        assert ask(workers[1]).verdict == "wait"  # for the next one
+        assert ask(workers[1]).status == "wait"  # for the next one
 
 
 def test_a_rank_is_one_workers_and_who_has_gone_leaves_it(
@@ -118,15 +118,15 @@ def test_a_rank_is_one_workers_and_who_has_gone_leaves_it(
     zero, one, two, spare = (worker_of(rank) for rank in range(4))
     with gathering(zero) as first:
         ask(one)
-        assert ask(spare, rank=1).verdict == "wait"
+        assert ask(spare, rank=1).status == "wait"
         with pytest.raises(RefusedError, match=r"rank 3: this run has learners 0\.\.2"):
             ask(spare)
         wait_for(lambda: first.rendezvous._missing() == "learner 1, 2 of 0..2", "one to be gone")
-        # The spare one now has the rank; that it does not come to the meeting loses the group.
+        # The spare one now has the rank; that it does not come to the rendezvous loses the group.
         wait_for(
-            lambda: ask(two) and ask(spare, rank=1).verdict == "meet", "the meeting", timeout_s=10
+            lambda: ask(two) and ask(spare, rank=1).status == "meet", "the rendezvous", timeout_s=10
         )
-        wait_for(lambda: first.error, "rank 0 to give the meeting up")
+        wait_for(lambda: first.error, "rank 0 to give the rendezvous up")
         assert isinstance(first.error, GroupLostError)
         assert "not all 3 learners came" in str(first.error)
 

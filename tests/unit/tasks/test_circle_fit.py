@@ -9,7 +9,7 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from bpn_tasks.disc import disc_centre_px
+from bpn_tasks.circle_fit import disc_centre_px
 
 RADIUS_PX = 10.0
 inside = st.floats(0, 83)

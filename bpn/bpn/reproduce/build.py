@@ -10,8 +10,8 @@ from pathlib import Path
 from rich.console import Console
 
 from bpn.reproduce import report
-from bpn.reproduce.campaign import Campaign
 from bpn.reproduce.definition import Context, Scope, StoppedError, Target
+from bpn.reproduce.experiment import Campaign
 from bpn.reproduce.manifest import locked
 from bpn.reproduce.targets import TARGETS
 from bpn_shared.spec.config import ConfigError

@@ -1,6 +1,6 @@
 """What to measure a policy against where the target moves: play that knows the truth, and random play.
 
-`python -m bpn_robot_sim.references tracking` prints their returns. Greedy looks one step ahead, which costs a
+`python -m bpn_robot_sim.baselines tracking` prints their returns. Greedy looks one step ahead, which costs a
 little where the window or a unit is at its limit; `tracking.optimum` looks to the end.
 """
 

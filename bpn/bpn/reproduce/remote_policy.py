@@ -1,7 +1,7 @@
 """A policy in a far process: images go to it over Zenoh and actions come back, as to the paper's server.
 
-`python -m bpn.reproduce.far --connect ENDPOINT` is the far process. It reads the client's clock, so both are on
-one machine: what a network would add is not in its numbers.
+`python -m bpn.reproduce.remote_policy --connect ENDPOINT` is the far process. It reads the client's clock, so both
+are on one machine: what a network would add is not in its numbers.
 """
 
 import argparse
@@ -111,7 +111,7 @@ class FarClient:
 
 def main(argv: list[str] | None = None) -> int:
     """Answers images until stopped."""
-    parser = argparse.ArgumentParser(prog="bpn.reproduce.far", description=__doc__)
+    parser = argparse.ArgumentParser(prog="bpn.reproduce.remote_policy", description=__doc__)
     parser.add_argument("--connect", default=DEFAULT_ENDPOINT, help="the router's endpoint")
     options = parser.parse_args(argv)
     set_up_logging("far")

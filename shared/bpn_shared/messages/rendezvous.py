@@ -8,16 +8,16 @@ from bpn_shared.messages.base import Message
 from bpn_shared.messages.control import Count, WorkerId
 
 
-class MeetingRequest(Message):
+class RendezvousRequest(Message):
     """learner of rank 1 or above -> rank 0: I am here; where is the next update?"""
 
     rank: Count
     worker: WorkerId
 
 
-class MeetingReply(Message):
+class RendezvousReply(Message):
     """rank 0 -> another learner of the run: come there (`meet`), or ask again soon (`wait`)."""
 
-    verdict: Literal["wait", "meet"]
+    status: Literal["wait", "meet"]
     host: Annotated[str, Field(max_length=255)] = ""
     port: Annotated[int, Field(ge=0, lt=2**16)] = 0

@@ -5,7 +5,7 @@ import hashlib
 import pytest
 import torch
 
-from bpn_learner.initial import has_gpu, initial_policy
+from bpn_learner.factory import has_gpu, initial_policy
 from bpn_learner.networks import BinaryNetwork, FloatNetwork, PNetwork
 from bpn_shared.spec.algorithms import algorithm_names
 from bpn_shared.spec.config import ConfigError, RunConfig
