@@ -2,7 +2,7 @@
 
 import { ApiClient } from './api/client';
 import type { ConfigSchema } from './api/types';
-import { StrokeBook, type Keeper } from './colour';
+import { StrokeBook, type KeyStorage } from './colour';
 import { Keyboard } from './keyboard';
 import { LiveClient, type ConnectionStatus } from './live/client';
 import { Value } from './observable';
@@ -19,9 +19,9 @@ export class App {
   readonly router = new Router();
   readonly keyboard = new Keyboard(document);
   readonly toasts = new Toasts();
-  readonly keeper: Keeper = safeStorage();
-  readonly theme = new Theme(document.documentElement, this.keeper);
-  readonly strokes = new StrokeBook(this.keeper);
+  readonly storage: KeyStorage = safeStorage();
+  readonly theme = new Theme(document.documentElement, this.storage);
+  readonly strokes = new StrokeBook(this.storage);
   readonly connection = new Value<ConnectionStatus | null>(null);
   readonly live = new LiveClient(liveUrl(), { onStatus: (status) => this.connection.set(status) });
   readonly ticker = new Ticker(() => this.live.clock.nowUnixS());
@@ -46,7 +46,7 @@ function liveUrl(): string {
 }
 
 /** The browser's storage, or memory where that is forbidden. */
-function safeStorage(): Keeper {
+function safeStorage(): KeyStorage {
   try {
     localStorage.getItem('');
     return localStorage;

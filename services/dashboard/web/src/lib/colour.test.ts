@@ -1,6 +1,6 @@
 import fc from 'fast-check';
 import { expect, test } from 'vitest';
-import { contrast, PALETTE, ramp, StrokeBook, type Keeper } from './colour';
+import { contrast, PALETTE, ramp, StrokeBook, type KeyStorage } from './colour';
 
 const BACKGROUNDS = { light: '#ffffff', dark: '#16191c' };
 
@@ -42,15 +42,15 @@ test('filtering changes no stroke', () => {
 
 test('strokes and choices are kept; what is damaged is forgotten', () => {
   const kept = new Map<string, string>();
-  const keeper: Keeper = {
+  const storage: KeyStorage = {
     getItem: (name) => kept.get(name) ?? null,
     setItem: (name, text) => void kept.set(name, text),
   };
-  new StrokeBook(keeper).choose('alpha 0.9', 5);
-  expect(new StrokeBook(keeper).assign(['alpha 0.9']).get('alpha 0.9')?.colour).toBe(5);
+  new StrokeBook(storage).choose('alpha 0.9', 5);
+  expect(new StrokeBook(storage).assign(['alpha 0.9']).get('alpha 0.9')?.colour).toBe(5);
   for (const damaged of ['{', '[["a", 99], ["b", "c"], 7]', 'null']) {
     kept.set('bpn.strokes', damaged);
-    expect(new StrokeBook(keeper).assign(['a']).size).toBe(1);
+    expect(new StrokeBook(storage).assign(['a']).size).toBe(1);
   }
 });
 

@@ -40,7 +40,7 @@ export function hash(text: string): number {
 }
 
 /** A store of strings, as `localStorage` is one. */
-export type Keeper = Pick<Storage, 'getItem' | 'setItem'>;
+export type KeyStorage = Pick<Storage, 'getItem' | 'setItem'>;
 
 const KEPT = 400;
 
@@ -54,10 +54,10 @@ export class StrokeBook {
   readonly choices = new Value(0);
 
   constructor(
-    private readonly keeper: Keeper | null = null,
+    private readonly storage: KeyStorage | null = null,
     private readonly name = 'bpn.strokes',
   ) {
-    this.#slots = new Map(readPairs(keeper?.getItem(name)));
+    this.#slots = new Map(readPairs(storage?.getItem(name)));
   }
 
   /** Strokes for keys that are shown together. */
@@ -94,7 +94,7 @@ export class StrokeBook {
 
   #keep(): void {
     const newest = [...this.#slots].slice(-KEPT);
-    this.keeper?.setItem(this.name, JSON.stringify(newest));
+    this.storage?.setItem(this.name, JSON.stringify(newest));
   }
 }
 

@@ -1,6 +1,6 @@
 /** Light, dark, or as the system says; kept in this browser. */
 
-import type { Keeper, ThemeName } from './colour';
+import type { KeyStorage, ThemeName } from './colour';
 import { Value, type Observable } from './observable';
 
 export type ThemeChoice = 'system' | ThemeName;
@@ -14,10 +14,10 @@ export class Theme {
 
   constructor(
     private readonly root: HTMLElement,
-    private readonly keeper: Keeper,
+    private readonly storage: KeyStorage,
   ) {
     this.#system = window.matchMedia('(prefers-color-scheme: dark)');
-    const kept = keeper.getItem(NAME) as ThemeChoice | null;
+    const kept = storage.getItem(NAME) as ThemeChoice | null;
     this.#choice = new Value(kept !== null && CHOICES.includes(kept) ? kept : 'system');
     this.#shown = new Value(this.#resolve());
     this.#system.addEventListener('change', () => this.#apply());
@@ -36,7 +36,7 @@ export class Theme {
   /** The next of system, light, dark. */
   cycle(): void {
     const next = CHOICES[(CHOICES.indexOf(this.#choice.value) + 1) % CHOICES.length] ?? 'system';
-    this.keeper.setItem(NAME, next);
+    this.storage.setItem(NAME, next);
     this.#choice.set(next);
     this.#apply();
   }

@@ -13,7 +13,7 @@ export interface Painted {
   framesPerSecond: number;
 }
 
-export class FramePainter {
+export class FrameRenderer {
   drawn = 0;
   skipped = 0;
   private next: { frame: Frame; done: () => void } | null = null;
