@@ -1,4 +1,4 @@
-"""A task, a kernel and a callback of other packages, in the start dialog as ours are."""
+"""A task, an algorithm, a kernel and a callback of other packages, in the start dialog as ours are."""
 
 import re
 from collections.abc import Callable, Iterator
@@ -6,7 +6,7 @@ from contextlib import AbstractContextManager
 from typing import Any
 
 import pytest
-from example_packages import install_examples
+from example_packages import ALL, install_examples
 from playwright.sync_api import Locator, Page, expect
 
 from bpn_shared.runs.folder import RunFolder
@@ -19,7 +19,7 @@ def dashboard(
 ) -> Iterator[Any]:
     """One where the examples are installed."""
     site = tmp_path_factory.mktemp("site")
-    with begin_dashboard(install_examples(site, "own_task", "own_kernel", "own_callback")) as one:
+    with begin_dashboard(install_examples(site, *ALL)) as one:
         yield one
 
 
@@ -40,6 +40,7 @@ def test_they_are_chosen_and_trained(
     page.get_by_role("button", name="Start run").click()
     dialog = page.get_by_role("dialog", name="Start a run")
     dialog.get_by_role("radio", name="Dot to the centre").check()
+    dialog.get_by_label("algorithm", exact=True).select_option("hedged")
     fill(dialog, "Run", iterations="2")
     fill(dialog, "Data of an iteration", episodes="2")
     fill(dialog, "Policy update", epochs="1")
@@ -59,5 +60,6 @@ def test_they_are_chosen_and_trained(
     assert dashboard.state(run) == "finished"
     folder = RunFolder.open(dashboard.runs_dir, run)
     config = folder.config()
-    assert (config.task, config.kernel, config.callbacks) == ("centre", "blas", "gap")
+    chosen = (config.task, config.algorithm, config.kernel, config.callbacks)
+    assert chosen == ("centre", "hedged", "blas", "gap")
     assert "return_change" in folder.metrics()[1]
