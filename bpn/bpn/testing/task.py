@@ -1,7 +1,7 @@
 """A task's parts beside each other: they are installed here, load, and agree."""
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from typing import Any, TypeVar
 
 import numpy as np
@@ -57,11 +57,10 @@ def check_task(spec: TaskSpec, *, steps: int = 30, seed: int = 0, repeatable: bo
 
 def _check_data(spec: TaskSpec, who: str) -> None:
     """What a specification shows without its parts."""
-    for name, value in (("success_reward", spec.success_reward), ("preset", spec.preset)):
-        for number in value.values() if isinstance(value, Mapping) else (value,):
-            assert not isinstance(number, float) or math.isfinite(number), (
-                f"{who}: {name} has {number}, which is not finite"
-            )
+    for number in spec.preset.values():
+        assert not isinstance(number, float) or math.isfinite(number), (
+            f"{who}: preset has {number}, which is not finite"
+        )
     taken = {"task", "task_spec"} & spec.preset.keys()
     assert not taken, f"{who}: preset has {', '.join(sorted(taken))}, which its name says already"
     _call(f"{who}, preset", RunConfig.parse, spec.preset | {"task": spec.name, "task_spec": spec})
