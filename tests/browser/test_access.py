@@ -57,6 +57,10 @@ def settle(page: Page) -> None:
         figure.scroll_into_view_if_needed()
         expect(figure.get_by_role("status", name="Loading")).to_have_count(0)
     expect(loading).to_have_count(0)
+    # Back at the top: elsewhere the bar that stays there may cover half a button, wherever the last figure stands.
+    page.evaluate(
+        "document.querySelectorAll('*').forEach(one => { if (one.scrollTop) one.scrollTop = 0 })"
+    )
 
 
 @pytest.mark.parametrize("theme", ["light", "dark"])
