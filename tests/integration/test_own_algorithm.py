@@ -1,8 +1,5 @@
 """An algorithm from another package, installed from a folder: it trains, is offered and verified as ours are."""
 
-import json
-import os
-import shutil
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
@@ -10,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from example_packages import install_examples, train_with, where_installed
 from flags import flags
 from pool import Pool, running_pool
 
@@ -21,7 +19,6 @@ from bpn_shared.spec.seeds import action_uniforms
 Command = Callable[..., list[str]]
 WaitFor = Callable[..., None]
 LONG_S = 150.0
-EXAMPLE = Path(__file__).parents[2] / "examples/own_algorithm"
 SMALL = {"iterations": 1, "episodes": 2, "steps": 6, "epochs": 1, "hidden_units": 8}
 OPTIONS = '{"explore": 1.0}'
 
@@ -29,15 +26,8 @@ OPTIONS = '{"explore": 1.0}'
 @pytest.fixture(scope="module")
 def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder into which the example is installed."""
-    site, source = tmp_path_factory.mktemp("site"), tmp_path_factory.mktemp("source") / "own"
-    shutil.copytree(EXAMPLE, source)  # a build leaves things behind
-    subprocess.run(
-        [
-            sys.executable, "-m", "pip", "install", "-q", "--disable-pip-version-check", "--no-deps",
-            "--no-index", "--no-build-isolation", "--target", site, source,
-        ],
-        check=True, timeout=120,
-    )  # fmt: skip
+    site = tmp_path_factory.mktemp("site")
+    install_examples(site, "own_algorithm")
     return site
 
 
@@ -45,16 +35,8 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def trained(
     site: Path, command: Command, tmp_path_factory: pytest.TempPathFactory
 ) -> dict[str, Any]:
-    runs_dir = tmp_path_factory.mktemp("runs")
-    done = subprocess.run(
-        command(
-            "train", "reaching", "--algorithm", "hedged", "--algorithm-options", OPTIONS, *flags(SMALL), "--json",
-            "--runs-dir", str(runs_dir),
-        ),
-        env=os.environ | {"PYTHONPATH": str(site)},
-        stdout=subprocess.PIPE, text=True, timeout=120, check=True,
-    )  # fmt: skip
-    return json.loads(done.stdout) | {"runs_dir": runs_dir}
+    words = ("reaching", "--algorithm", "hedged", "--algorithm-options", OPTIONS, *flags(SMALL))
+    return train_with(where_installed(site), command, tmp_path_factory.mktemp("runs"), *words)
 
 
 def test_its_specification_and_options_travel_by_value(trained: dict[str, Any]) -> None:
@@ -81,7 +63,7 @@ def test_what_verify_cannot_compute_it_says(
 ) -> None:
     done = subprocess.run(
         command("verify", trained["run_id"], "--runs-dir", str(trained["runs_dir"])),
-        env=os.environ | {"PYTHONPATH": str(site)},
+        env=where_installed(site),
         capture_output=True, text=True, timeout=120, check=False,
     )  # fmt: skip
     assert done.returncode == 0, done.stdout + done.stderr
@@ -121,14 +103,14 @@ def test_neither_an_edge_nor_who_creates_runs_needs_torch(site: Path) -> None:
         "plugins.load(plugins.ALGORITHMS, 'hedged'); plugins.load(plugins.SELECTIONS, 'hedged')\n"
         "import bpn_edge.service; assert 'torch' not in sys.modules"
     )
-    environment = os.environ | {"PYTHONPATH": str(site)}
+    environment = where_installed(site)
     subprocess.run([sys.executable, "-c", said], env=environment, timeout=60, check=True)
 
 
 @pytest.fixture(scope="module")
 def pool(site: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Pool]:
     """`bpn up` where the example is installed."""
-    environment = os.environ | {"PYTHONPATH": str(site)}
+    environment = where_installed(site)
     with running_pool(tmp_path_factory.mktemp("pool"), environment=environment) as running:
         yield running
 

@@ -1,13 +1,11 @@
 """The examples, installed from their folders: one run with all of them, alone and by a dashboard's workers."""
 
-import json
 import os
-import subprocess
 from collections.abc import Callable, Iterator
 from typing import Any
 
 import pytest
-from example_packages import ALL, install_examples
+from example_packages import ALL, install_examples, train_with
 from flags import flags
 from pool import Pool, running_pool
 
@@ -67,12 +65,7 @@ def trained(
     runs_dir = tmp_path_factory.mktemp("runs")
 
     def train(**values: Any) -> dict[str, Any]:
-        words = ["train", "centre", *flags(SMALL | values), "--json", "--runs-dir", str(runs_dir)]
-        done = subprocess.run(
-            command(*words), env=environment, capture_output=True, text=True, timeout=200, check=False
-        )  # fmt: skip
-        assert done.returncode == 0, done.stderr
-        told: dict[str, Any] = json.loads(done.stdout)
+        told = train_with(environment, command, runs_dir, "centre", *flags(SMALL | values))
         return told | {"folder": RunFolder.open(runs_dir, told["run_id"])}
 
     return train

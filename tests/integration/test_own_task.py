@@ -1,14 +1,12 @@
 """A task from another package, installed from a folder: it trains, and is checked and offered as ours are."""
 
-import json
-import os
 import subprocess
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
-from example_packages import install_examples
+from example_packages import install_examples, train_with, where_installed
 from pool import Pool, running_pool
 
 from bpn.testing import check_task
@@ -33,16 +31,8 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def trained(
     site: Path, command: Command, tmp_path_factory: pytest.TempPathFactory
 ) -> dict[str, Any]:
-    runs_dir = tmp_path_factory.mktemp("runs")
-    done = subprocess.run(
-        command(
-            "train", "centre", "--iterations", "1", "--episodes", "2", "--epochs", "1", "--json",
-            "--runs-dir", str(runs_dir),
-        ),
-        env=os.environ | {"PYTHONPATH": str(site)},
-        stdout=subprocess.PIPE, text=True, timeout=120, check=True,
-    )  # fmt: skip
-    return json.loads(done.stdout) | {"runs_dir": runs_dir}
+    words = ("centre", "--iterations", "1", "--episodes", "2", "--epochs", "1")
+    return train_with(where_installed(site), command, tmp_path_factory.mktemp("runs"), *words)
 
 
 def test_it_trains_with_its_robot_and_its_rewards(trained: dict[str, Any]) -> None:
@@ -57,7 +47,7 @@ def test_its_run_verifies_where_it_is_installed(
 ) -> None:
     done = subprocess.run(
         command("verify", trained["run_id"], "--runs-dir", str(trained["runs_dir"])),
-        env=os.environ | {"PYTHONPATH": str(site)},
+        env=where_installed(site),
         capture_output=True, text=True, timeout=120, check=False,
     )  # fmt: skip
     assert done.returncode == 0, done.stdout + done.stderr
@@ -82,7 +72,7 @@ def test_where_it_is_not_installed_that_is_said(trained: dict[str, Any], command
 @pytest.fixture(scope="module")
 def pool(site: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Pool]:
     """`bpn up` where the example is installed."""
-    environment = os.environ | {"PYTHONPATH": str(site)}
+    environment = where_installed(site)
     with running_pool(tmp_path_factory.mktemp("pool"), environment=environment) as running:
         yield running
 

@@ -1,11 +1,12 @@
 """What the core does not take, and that it goes on all the same."""
 
+import os
 from collections.abc import Callable
 
 import numpy as np
 import pytest
 
-from bpn_edge.fpga import packing, registers
+from bpn_edge.fpga import packing, registers, verilated
 from bpn_edge.fpga.build import Build
 from bpn_edge.fpga.device import Device
 from bpn_edge.fpga.packing import Words
@@ -13,6 +14,7 @@ from bpn_edge.fpga.simulated import SimulatedCore
 from bpn_edge.fpga.transport import DeviceError, RefusedError
 from bpn_shared.bnn import golden
 from bpn_shared.bnn.blob import WeightBlob
+from bpn_shared.spec.config import ConfigError
 from bpn_shared.spec.network import NetworkSpec
 
 SPEC = NetworkSpec(1, 20, 3)
@@ -207,3 +209,8 @@ def test_a_core_that_does_not_answer_is_said_to(core: SimulatedCore) -> None:
     core.dawdle(pixels=256)
     with pytest.raises(DeviceError, match="does not answer within 5 s"):
         device.run(0, SPEC, IMAGE)
+
+
+def test_a_tool_that_does_not_end_is_given_up() -> None:
+    with pytest.raises(ConfigError, match=r"cannot be made: sleep has not ended after 0.1 s"):
+        verilated._run(["sleep", "60"], dict(os.environ), longest_s=0.1)

@@ -17,6 +17,8 @@ from bpn_shared.spec.config import ConfigError
 
 CACHE = "BPN_RTL_CACHE"
 """Environment variable: the folder of the models that were made; by default ~/.cache/bpn/rtl."""
+_LONGEST_S = 600.0
+"""Of one run of a tool, which takes seconds."""
 _COMPILE = (
     "-std=c++17",
     "-O2",
@@ -169,10 +171,24 @@ def _include(program: Path, environment: dict[str, str]) -> Path:
     return Path(root) / "include"
 
 
-def _run(command: list[str], environment: dict[str, str]) -> None:
-    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)  # noqa: S603 - a tool that was found
+def _run(command: list[str], environment: dict[str, str], longest_s: float = _LONGEST_S) -> None:
+    name = Path(command[0]).name
+    try:
+        done = subprocess.run(  # noqa: S603 - a tool that was found
+            command,
+            env=environment,
+            capture_output=True,
+            text=True,
+            check=False,
+            timeout=longest_s,
+        )
+    except subprocess.TimeoutExpired as error:
+        raise ConfigError(
+            f"kernel 'rtl' cannot be made: {name} has not ended after {longest_s:g} s: "
+            "try again with less beside it"
+        ) from error
     if done.returncode:
         said = (done.stderr or done.stdout).strip().splitlines()
         raise ConfigError(
-            f"kernel 'rtl' cannot be made: {Path(command[0]).name}: {said[0] if said else done.returncode}"
+            f"kernel 'rtl' cannot be made: {name}: {said[0] if said else done.returncode}"
         )
