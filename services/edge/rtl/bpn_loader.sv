@@ -45,15 +45,16 @@ module bpn_loader (
   logic [2:0] lane;
   logic [WEIGHT_W-1:0] fc1_end, fc2_words, last_word, word;
 
-  // The word that is looked at: a register, so that whatever is in front of the stream is not in this clock.
-  logic have, last, crc_known;
+  // The word that is looked at: a register, so that whatever is in front of the stream is not in this clock. Where it
+  // decides something it is looked at for a clock before it is taken.
+  logic have, last, known;
   logic [31:0] set_word;
-  wire ready = (state != EPOCH || !in_use[bank]) && (state != SIZES || sizes_known) && (state != CRC || crc_known);
-  wire taken = have && ready;
-  assign s_tready = !have || ready;
+  wire decides = state == SIZES || state == EPOCH || state == CRC;
+  wire taken = have && (!decides || known);
+  assign s_tready = !have || taken;
 
-  // Sizes, as the second word has them, and what follows from them, a clock later.
-  logic sizes_known, sizes_known_fit;
+  // Sizes, as the second word has them, and what follows from them.
+  logic fit;  // what is known in the clock in which they are taken
   wire [4:0] channels = set_word[4:0];
   wire [7:0] actions = set_word[15:8];
   wire [15:0] nodes = set_word[31:16];
@@ -66,8 +67,7 @@ module bpn_loader (
   wire [bpn::ACTION_GROUP_W-1:0] action_groups = geometry[bpn::G_ACTION_GROUPS+:bpn::ACTION_GROUP_W];
   wire [bpn::BEAT_W-1:0] last_beat = geometry[bpn::G_LAST_BEAT+:bpn::BEAT_W];
 
-  wire may_begin = sizes_known_fit && !selected[set_word[7]];
-  assign begun = taken && state == SIZES && may_begin && !last;
+  assign begun = fit && !selected[set_word[7]];
   assign begun_bank = set_word[7];
   assign busy = state != IDENTITY;
 
@@ -85,9 +85,8 @@ module bpn_loader (
       set_word <= s_tdata;
       last <= s_tlast;
     end
-    sizes_known <= have && state == SIZES && !sizes_known;
-    crc_known <= have && state == CRC && !crc_known;
-    sizes_known_fit <= sizes_fit;
+    known <= have && !known && (state == SIZES || state == CRC || (state == EPOCH && !in_use[bank]));
+    fit <= have && !known && state == SIZES && sizes_fit && !last;
     verified <= 1'b0;
     refused <= '0;
     conv1_write <= '0;
@@ -121,7 +120,7 @@ module bpn_loader (
             channels
           };
           state <= EPOCH;
-          if (!may_begin) begin
+          if (!begun) begin
             refused <= WRONG_SIZES;
             state <= DROP;
           end
@@ -175,7 +174,7 @@ module bpn_loader (
     end
     if (!rst_n) begin
       state <= IDENTITY;
-      {have, sizes_known, crc_known, verified, refused, conv1_write, threshold_write, engine_write} <= '0;
+      {have, known, fit, verified, refused, conv1_write, threshold_write, engine_write} <= '0;
     end
   end
 endmodule
