@@ -26,7 +26,7 @@ module bpn_loader (
     output logic [31:0] crc,
     output logic [3:0] refused,  // why: bad identity, sizes or bank, length, CRC
 
-    output logic [bpn::BYTES-1:0] conv1_write,
+    output logic [bpn::CONV1_LANES-1:0] conv1_write,
     output logic [bpn::BEAT_W+1:0] conv1_address,
     output logic threshold_write,
     output logic [2:0] threshold_address,
@@ -39,7 +39,7 @@ module bpn_loader (
   localparam int WEIGHT_W = bpn::WEIGHT_W;
 
   logic [2:0] state;
-  logic [bpn::BYTES-1:0] conv1_lane;  // one-hot
+  logic [bpn::CONV1_LANES-1:0] conv1_lane;  // one-hot
   logic [1:0] conv1_row;
   logic [bpn::BEAT_W-1:0] conv1_beat;
   logic [2:0] lane;
@@ -58,11 +58,13 @@ module bpn_loader (
   wire [4:0] channels = set_word[4:0];
   wire [7:0] actions = set_word[15:8];
   wire [15:0] nodes = set_word[31:16];
-  wire sizes_fit = channels != '0 && channels <= 5'(bpn::MAX_CHANNELS) && set_word[6:5] == '0
+  wire stacked = set_word[6];
+  wire sizes_fit = channels != '0 && channels <= 5'(bpn::MAX_CHANNELS) && !set_word[5]
+      && (!stacked || (bpn::CONV1_LANES == 2 * bpn::BYTES && !channels[0]))
       && actions >= 8'd2 && actions <= 8'(bpn::MAX_ACTIONS) && nodes != '0 && nodes <= 16'(bpn::MAX_HIDDEN_UNITS);
   wire nodes_left = nodes[3:0] != 4'd0;  // beyond whole groups of sixteen
   wire actions_left = actions[3:0] != 4'd0;
-  wire [4:0] channels_less_1 = channels - 5'd1;
+  wire [4:0] channels_less_1 = (stacked ? channels >> 1 : channels) - 5'd1;  // of what is sent
   wire [WEIGHT_W-1:0] groups = WEIGHT_W'(geometry[bpn::G_NODE_GROUPS+:bpn::GROUP_W]);
   wire [bpn::ACTION_GROUP_W-1:0] action_groups = geometry[bpn::G_ACTION_GROUPS+:bpn::ACTION_GROUP_W];
   wire [bpn::BEAT_W-1:0] last_beat = geometry[bpn::G_LAST_BEAT+:bpn::BEAT_W];
@@ -113,6 +115,7 @@ module bpn_loader (
           bank <= set_word[7];
           geometry <= {
             bpn::BEAT_W'({channels_less_1, 2'b11} >> $clog2(bpn::BYTES)),
+            stacked,
             bpn::GROUP_W'(nodes >> 4) + bpn::GROUP_W'(nodes_left),
             bpn::ACTION_GROUP_W'(actions >> 4) + bpn::ACTION_GROUP_W'(actions_left),
             nodes[10:0],
@@ -134,7 +137,7 @@ module bpn_loader (
         CONV1: begin
           conv1_write <= conv1_lane;
           conv1_lane <= conv1_lane << 1;
-          if (conv1_lane[bpn::BYTES-1]) begin
+          if (conv1_lane[geometry[bpn::G_STACKED]?bpn::CONV1_LANES-1 : bpn::BYTES-1]) begin
             conv1_lane <= 1;
             conv1_beat <= conv1_beat + 1'b1;
             if (conv1_beat == last_beat) begin

@@ -133,7 +133,7 @@ module bpn_registers (
     unknown <= 1'b0;
     case (read_register)
       bpn::R_IDENTITY: value <= bpn::IDENTITY;
-      bpn::R_BUILD: value <= {8'(bpn::BYTES), 8'(bpn::MAX_CHANNELS), 8'(bpn::MAX_ACTIONS), 8'b0};
+      bpn::R_BUILD: value <= {8'(bpn::BYTES), 8'(bpn::MAX_CHANNELS), 8'(bpn::MAX_ACTIONS), 7'b0, bpn::CONV1_LANES != bpn::BYTES};
       bpn::R_LIMITS: value <= 32'(bpn::MAX_HIDDEN_UNITS);
       bpn::R_STATUS: value <= {26'b0, in_flight, loading, selected, valid};
       bpn::R_SELECT: value <= {30'b0, selected};
