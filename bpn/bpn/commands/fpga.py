@@ -19,6 +19,8 @@ from bpn_shared.spec.network import NetworkSpec
 
 BOARDS = {board.target: board for board in (ULX3S, TANGNANO20K)}
 ZU3EG = "zu3eg"
+POINTS = [(size, False) for size in (1, 2, 4, 8, 16)] + [(size, True) for size in (4, 8, 16)]
+"""Of `explore`: bytes of pixels a clock, and whether only the newer of two stacked frames is sent."""
 
 
 def add_options(parser: argparse.ArgumentParser, _arguments: Sequence[str]) -> None:
@@ -58,7 +60,8 @@ def add_options(parser: argparse.ArgumentParser, _arguments: Sequence[str]) -> N
     )
     show.set_defaults(run=run_report)
     explore = actions.add_parser(
-        "explore", help="throughput against area: builds of 1 to 16 bytes of pixels a clock"
+        "explore",
+        help="throughput against area: 1 to 16 bytes of pixels a clock, also where only newer frames are sent",
     )
     explore.add_argument("--network", default="6,100,17", metavar="C,N,A")
     explore.set_defaults(run=run_explore)
@@ -120,15 +123,18 @@ def run_report(options: argparse.Namespace) -> int:
 def run_explore(options: argparse.Namespace) -> int:
     """Simulates and synthesizes each folding, and shows them side by side."""
     spec, rows = _network(options.network), []
-    for pixel_bytes in (1, 2, 4, 8, 16):
-        build = _build(Build(), options.hidden_units, pixel_bytes=pixel_bytes)
+    for pixel_bytes, keeps_frame in POINTS:
+        build = _build(
+            Build(), options.hidden_units, pixel_bytes=pixel_bytes, keeps_frame=keeps_frame
+        )
         measured = clocks.measure(build, spec)
-        where = options.out / f"explore-{pixel_bytes}"
+        where = options.out / f"explore-{pixel_bytes}{'-keeps-frame' * keeps_frame}"
         where.mkdir(parents=True, exist_ok=True)
         used = synthesis.estimate_xilinx(build, where.resolve())
         rows.append(
             {
                 "pixel_bytes": pixel_bytes,
+                "keeps_frame": keeps_frame,
                 "interval": measured.interval,
                 "tail": measured.tail,
                 **used,
@@ -138,11 +144,17 @@ def run_explore(options: argparse.Namespace) -> int:
         print(json.dumps({"network": str(spec), "points": rows}))
         return 0
     table = Table(
-        "bytes a clock", "clocks a frame", "clocks after the last pixels", "LUT", "FF", "BRAM36", "DSP",
+        "bytes a clock", "keeps a frame", "clocks a frame", "clocks after the last pixels",
+        "LUT", "FF", "BRAM36", "DSP",
         title=f"{spec}; each exact in simulation; resources estimated by yosys for xczu3eg",
     )  # fmt: skip
     for row in rows:
-        table.add_row(*(f"{value:,.10g}" for value in row.values()))
+        table.add_row(
+            *(
+                f"{value:,.10g}" if not isinstance(value, bool) else "yes" * value
+                for value in row.values()
+            )
+        )
     Console().print(table)
     return 0
 
