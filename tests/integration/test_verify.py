@@ -22,7 +22,7 @@ Train = Callable[..., dict[str, Any]]
 
 SMALL = [
     "--seed", "9", "--iterations", "3", "--episodes", "4", "--epochs", "3", "--hidden-units", "16",
-    "--replay-iterations", "2", "--batch-size", "12", "--beta", "2.5", "--gamma", "0.8",
+    "--replay-iterations", "2", "--batch-size", "12", "--beta", "2.5", "--beta-run-final-factor", "3", "--gamma", "0.8",
     "--learning-rate", "0.004", "--lr-update-final-factor", "0.1", "--lr-run-final-factor", "0.3",
     "--reward-scale", "0.05",
 ]  # fmt: skip

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from bpn.verify.play import Policy
+from bpn.verify.play import Policy, inverse_temperature
 from bpn_shared.spec.config import RunConfig
 
 COMPUTED = ("cvi", "dqn")
@@ -51,7 +51,9 @@ class Targets:
     max_preference: float
 
 
-def targets(config: RunConfig, D: Sequence[Played], policy: Policy, offset: float) -> Targets:
+def targets(
+    config: RunConfig, iteration: int, D: Sequence[Played], policy: Policy, offset: float
+) -> Targets:
     """Of all of D under the policy that the update begins with.
 
     CVI: y = r + gamma m(s') + alpha (P(s, a) - m(s)) with mellowmax m; DQN: y = r + gamma max_a P(s', a).
@@ -66,11 +68,12 @@ def targets(config: RunConfig, D: Sequence[Played], policy: Policy, offset: floa
     reward = torch.cat([(config.reward_scale * episode.rewards).float() for episode in D])
     ends = torch.cat([_ends(episode) for episode in D])
     is_cvi = config.algorithm_spec.targets == "cvi"
+    beta = inverse_temperature(config, iteration)
 
-    following = mellowmax(P_next, config.beta) if is_cvi else P_next.amax(dim=1)
+    following = mellowmax(P_next, beta) if is_cvi else P_next.amax(dim=1)
     if not config.bootstrap_terminals:
         following = torch.where(ends, torch.tensor(-offset, dtype=torch.float32), following)
-    gap = P[torch.arange(len(P)), actions] - mellowmax(P, config.beta)
+    gap = P[torch.arange(len(P)), actions] - mellowmax(P, beta)
     increased = config.alpha * (gap.clamp_min(-config.gap_floor) if config.gap_floor else gap)
     if config.n_step == 1:
         y = reward + config.gamma * following

@@ -34,4 +34,4 @@ class Update:
 
     def targets(self, config: RunConfig | None = None) -> Targets:
         """What it fits; with another configuration if one is given."""
-        return targets(config or self.config, self.D, self.policy, self.offset)
+        return targets(config or self.config, self.iteration, self.D, self.policy, self.offset)
