@@ -51,8 +51,30 @@ class Targets:
     max_preference: float
 
 
+def factor_on_rewards(config: RunConfig, D: Sequence[Played], before: float) -> float:
+    """The run's `reward_scale`; where that is 0, what makes the first returns over n steps that differ span 10.
+
+    Args:
+        before: what it was in the update before; 0: returns did not differ yet, as what this gives then.
+    """
+    if config.reward_scale or before:
+        return config.reward_scale or before
+    returns = [
+        sum(config.gamma**k * reward for k, reward in enumerate(rewards[t : t + config.n_step]))
+        for rewards in (episode.rewards.tolist() for episode in D)
+        for t in range(len(rewards))
+    ]
+    spread = max(returns) - min(returns)
+    return 10 / spread if spread else 0.0
+
+
 def targets(
-    config: RunConfig, iteration: int, D: Sequence[Played], policy: Policy, offset: float
+    config: RunConfig,
+    iteration: int,
+    D: Sequence[Played],
+    policy: Policy,
+    offset: float,
+    reward_scale: float,
 ) -> Targets:
     """Of all of D under the policy that the update begins with.
 
@@ -61,11 +83,12 @@ def targets(
 
     Args:
         offset: c of the policy's preferences.
+        reward_scale: factor on rewards.
     """
     P_of = [policy.preferences(episode.seen) for episode in D]
     P, P_next = torch.cat([p[:-1] for p in P_of]), torch.cat([p[1:] for p in P_of])
     actions = torch.cat([episode.actions for episode in D])
-    reward = torch.cat([(config.reward_scale * episode.rewards).float() for episode in D])
+    reward = torch.cat([(reward_scale * episode.rewards).float() for episode in D])
     ends = torch.cat([_ends(episode) for episode in D])
     is_cvi = config.algorithm_spec.targets == "cvi"
     beta = inverse_temperature(config, iteration)

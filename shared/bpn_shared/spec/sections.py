@@ -159,10 +159,21 @@ class TrainingValues(BaseModel):
         float, Field(ge=0, le=1, description="share of it in the last iteration (linear)")
     ] = 0.1
     scale_initial: Annotated[
-        float, Field(gt=0, le=100, description="binary: lambda at the start")
+        float,
+        Field(
+            ge=0,
+            le=100,
+            description="binary: lambda at the start; 0: as the first policy is nearly uniform with",
+        ),
     ] = 0.2
     reward_scale: Annotated[
-        float, Field(gt=0, le=1e3, description="factor on rewards in pixels before learning")
+        float,
+        Field(
+            ge=0,
+            le=1e3,
+            description="factor on rewards before learning; 0: 10 over the range of the first data's returns over "
+            "n_step steps",
+        ),
     ] = 0.1
 
     init_from: Annotated[

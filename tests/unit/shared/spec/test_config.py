@@ -304,10 +304,9 @@ RANGES: dict[str, tuple[float, float]] = {
     "evaluate_episodes": (1, 1000), "n_step": (1, 100), "beta_run_final_factor": (1, 1000), "gap_floor": (0, 1e6),
     "replay_transitions": (0, 10_000_000), "max_updates": (0, 10_000_000),
     "robots": (1, 64), "alpha": (0, 1), "epsilon_initial": (0, 1), "epsilon_final": (0, 1),
-    "lr_update_final_factor": (0, 1), "lr_run_final_factor": (0, 1), "action_delay_ms": (0, 2000),
+    "scale_initial": (0, 100), "reward_scale": (0, 1000), "lr_update_final_factor": (0, 1), "lr_run_final_factor": (0, 1), "action_delay_ms": (0, 2000),
     # above 0
-    "beta": (math.ulp(0), 1e4), "learning_rate": (math.ulp(0), 1), "scale_initial": (math.ulp(0), 100),
-    "reward_scale": (math.ulp(0), 1000),
+    "beta": (math.ulp(0), 1e4), "learning_rate": (math.ulp(0), 1),
     # below 1
     "gamma": (0, math.nextafter(1, 0)),
 }  # fmt: skip
