@@ -132,6 +132,11 @@ def _of_model(weights: FloatWeights) -> Policy:
     return Policy(tuple(rows), (), biases, 1.0, kernel_sizes, strides)
 
 
+def parts(numbers: npt.NDArray[np.float64], dims: tuple[int, ...]) -> list[npt.NDArray[np.float64]]:
+    """Of what is side by side for every choice of every dimension: each dimension's own."""
+    return [numbers[sum(dims[:d]) : sum(dims[: d + 1])] for d in range(len(dims))]
+
+
 def softmax_choice(P: npt.NDArray[np.float64], beta: float, uniform: float) -> set[int]:
     """Actions that exp(beta P) / sum and a uniform number may mean: one, or more where rounding decides."""
     weights = np.exp(beta * (P - P.max()))
