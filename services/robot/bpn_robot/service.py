@@ -259,7 +259,7 @@ class RobotService:
 
     def _decode(self, sample: Sample, header: FrameHeader) -> Answer | None:
         try:
-            action = Action.decode(sample.payload, self._task.actions)
+            action = Action.decode(sample.payload, self._task.joint_actions)
         except MessageError as error:
             self._worker.counters.refuse("actions_refused", str(error))
             return None
