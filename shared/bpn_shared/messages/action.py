@@ -7,6 +7,7 @@ from bpn_shared.messages.base import MessageError, OtherVersionError
 
 SCHEMA = 1
 _ACTION = struct.Struct("<BBxxIIQII")
+BYTES = _ACTION.size
 
 
 class Action(NamedTuple):

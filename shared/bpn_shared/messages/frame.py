@@ -12,6 +12,7 @@ from bpn_shared.messages.base import MessageError, OtherVersionError
 
 SCHEMA = 3
 _HEADER = struct.Struct("<BBBBBxxxIIIQQIId")
+HEADER_BYTES = _HEADER.size
 NO_ACTION = 255
 NO_SUCCESS = 255
 NO_REWARD = math.nan
