@@ -252,7 +252,7 @@ def explained(recording: Recording, uniforms: list[list[float]]) -> str:
         "an epsilon-greedy policy": lambda o, u: greedy_choice(o, share, u),
         "the best action always": lambda o, u: greedy_choice(o, 0.0, u),
         "a softmax policy at the run's first beta": lambda o, u: softmax_choice(
-            o * scale, config.beta, u
+            o * scale, recording.config.beta, u
         ),
         "a softmax policy at beta = 1": lambda o, u: softmax_choice(o * scale, 1.0, u),
         "a softmax policy without lambda": lambda o, u: softmax_choice(o, beta, u),
