@@ -9,10 +9,11 @@ from dataclasses import dataclass, field
 from typing import Annotated, Any
 
 from pydantic import TypeAdapter, ValidationError
-from sqlalchemy import BigInteger, ColumnElement, Select, String, and_, cast, func, or_, select
+from sqlalchemy import BigInteger, ColumnElement, Select, and_, cast, func, or_, select
 from sqlalchemy.orm import InstrumentedAttribute, Session
 
 from bpn_dashboard.database.tables import RunRow
+from bpn_dashboard.database.text_keys import folded
 from bpn_dashboard.registry.errors import FilterError
 from bpn_shared.spec.config import OPTIONS, RunConfig
 from bpn_shared.spec.renamed import called_now
@@ -22,9 +23,9 @@ SORT_KEYS: dict[str, InstrumentedAttribute[Any]] = {
     for column in (
         RunRow.created_at, RunRow.updated_at, RunRow.name, RunRow.state, RunRow.task,
         RunRow.algorithm, RunRow.seed, RunRow.iteration, RunRow.return_last,
-        RunRow.return_best, RunRow.return_mean_last_5,
+        RunRow.return_best, RunRow.return_mean_last_5, RunRow.disk_bytes,
     )
-}  # fmt: skip
+} | {"name": RunRow.name_order}  # fmt: skip
 
 Cursor = tuple[str | float | None, str]
 """Sort value and id of a page's last row. JSON can carry it."""
@@ -35,7 +36,7 @@ class RunFilter:
     """Conditions that a run must all meet.
 
     Attributes:
-        search: part of its name, notes, tags or id, in any case.
+        search: words that are each part of its name, notes, tags or id, in any case.
         states: one of these; empty: any.
         archived: whether it is archived; None: either.
         config: configuration keys with the value that they must have, as text.
@@ -89,7 +90,7 @@ def find_page(
     query = query.order_by(*last, *(c.desc() if descending else c.asc() for c in columns))
     rows = list(session.scalars(query.limit(limit + 1)))
     more, rows = len(rows) > limit, rows[:limit]
-    return Page(rows, (getattr(rows[-1], sort), rows[-1].id) if more else None, total)
+    return Page(rows, (getattr(rows[-1], key.key), rows[-1].id) if more else None, total)
 
 
 def states_of_sweeps(
@@ -124,10 +125,10 @@ def conditions(runs: RunFilter) -> list[ColumnElement[bool]]:
     Raises:
         FilterError: a configuration key is unknown, or a value cannot be one of that key.
     """
-    found: list[ColumnElement[bool]] = []
-    if runs.search:
-        texts = (RunRow.name, RunRow.notes, RunRow.id, cast(RunRow.tags, String))
-        found.append(or_(*(text.icontains(runs.search, autoescape=True) for text in texts)))
+    words = folded(runs.search).split()
+    found: list[ColumnElement[bool]] = [
+        RunRow.search_text.contains(word, autoescape=True) for word in words
+    ]
     if runs.states:
         found.append(RunRow.state.in_(runs.states))
     for column, value in (
