@@ -179,8 +179,8 @@ def _sizes(strata: Strata) -> set[int]:
 
 def _wins(one: Floats, other: Floats) -> Floats:
     """float64[m, n]: 1 where a score of `one` is higher, a half where they are equal."""
-    higher = one[:, np.newaxis] > other
-    return higher + 0.5 * (one[:, np.newaxis] == other)
+    wins: Floats = np.where(one[:, np.newaxis] > other, 1.0, 0.5 * (one[:, np.newaxis] == other))
+    return wins
 
 
 def _resampled(strata: Strata, side: int = 0) -> Floats:
