@@ -30,7 +30,7 @@ OWN: dict[str, Any] = {
 } | {"name": RunRow.name_order}  # fmt: skip
 _NULLABLE = {
     RunRow.return_last.key, RunRow.return_best.key, RunRow.return_mean_last_5.key,
-    RunRow.length_last.key, RunRow.weights_version.key,
+    RunRow.length_last.key, RunRow.weights_version.key, RunRow.disk_bytes.key,
 }  # fmt: skip
 
 
