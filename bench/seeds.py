@@ -111,7 +111,7 @@ def reestimated(
     seen = Transitions.from_episodes(
         disturbed, frames_stacked=config.task_spec.frames_stacked, difference=config.difference
     )
-    again.finish_update(lambda: seen.gather(seen.observations))
+    again.finish_update(lambda: [seen.gather(seen.observations)])
     return again.export()
 
 

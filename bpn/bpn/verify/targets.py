@@ -73,6 +73,7 @@ def targets(
     iteration: int,
     D: Sequence[Played],
     policy: Policy,
+    *,
     offset: float,
     reward_scale: float,
 ) -> Targets:

@@ -14,6 +14,7 @@ from bpn_learner.callbacks.calling import Callbacks
 from bpn_learner.checkpoint import encode_checkpoint
 from bpn_learner.episodes import Scored, load_episodes
 from bpn_learner.evaluations import Evaluations
+from bpn_learner.gathering import RegressionBatch
 from bpn_learner.group import SINGLE_PROCESS, Group, GroupLostError
 from bpn_learner.handout import broadcast_state
 from bpn_learner.history import History
@@ -24,7 +25,6 @@ from bpn_learner.reward_scale import RewardScale
 from bpn_learner.storage import StorageStopped, insist
 from bpn_learner.transitions import EpisodeData, Transitions
 from bpn_learner.update import (
-    RegressionBatch,
     UpdateConfig,
     UpdateReport,
     UpdateStopped,

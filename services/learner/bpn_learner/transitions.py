@@ -1,6 +1,6 @@
 """D as tensors: every frame once, observations gathered from frame indices."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields
 from typing import Self
 
@@ -137,6 +137,10 @@ class Transitions:
     def gather(self, stacks: Tensor) -> Tensor:
         """Observations of frame indices, see `gather_observations`."""
         return gather_observations(self.frames, stacks)
+
+    def parts(self, stacks: Tensor, size: int) -> Iterator[Tensor]:
+        """The same, `size` at once: all together may take many times the memory of the frames."""
+        return (self.gather(part) for part in torch.split(stacks, size))
 
 
 def gather_observations(frames: Tensor, stacks: Tensor) -> Tensor:

@@ -2,7 +2,7 @@
 
 import math
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field
 from typing import Any, Self
@@ -12,12 +12,12 @@ import torch
 from torch import Tensor
 
 from bpn_learner.cvi import NO_FLOOR
+from bpn_learner.gathering import RegressionBatch, gathered_gradients
 from bpn_learner.group import SINGLE_PROCESS, Group
-from bpn_learner.minibatch import minibatch_gradients
 from bpn_learner.networks import PNetwork
 from bpn_learner.policy_metrics import agreement, entropy
 from bpn_learner.targets import TargetInputs, target_values
-from bpn_learner.transitions import Transitions, gather_observations
+from bpn_learner.transitions import Transitions
 from bpn_shared.spec.config import RunConfig
 from bpn_shared.spec.sections import Backend
 
@@ -93,23 +93,6 @@ class UpdateConfig:
             lr_update_final_factor=config.lr_update_final_factor,
             backend=config.backend,
         )
-
-
-@dataclass(frozen=True, eq=False)
-class RegressionBatch:
-    """What the minibatches of an update fit P to.
-
-    Attributes:
-        frames: uint8[m, c, rows, columns].
-        observations: int64[n, frames_stacked], frame indices as in `Transitions`.
-        actions: int64[n].
-        y: float32[n], the target of P(s, a).
-    """
-
-    frames: Tensor
-    observations: Tensor
-    actions: Tensor
-    y: Tensor
 
 
 Gather = Callable[[RegressionBatch], AbstractContextManager[Group]]
@@ -197,7 +180,7 @@ def policy_update(
     network.eval()
     network.offset.fill_(offset)
 
-    network.finish_update(lambda: gather_observations(transitions.frames, transitions.observations))
+    network.finish_update(lambda: transitions.parts(transitions.observations, EVALUATION_BATCH))
     return UpdateReport(
         loss_first=losses[0],
         loss_last=losses[-1],
@@ -215,7 +198,8 @@ def policy_update(
 def _agreement(network: PNetwork, transitions: Transitions, P_target: Tensor) -> float:
     """Of the newest transitions: as many as cost little beside the update."""
     newest = transitions.observations[-LOOKED_AT:]
-    return agreement(P_target[-LOOKED_AT:], preferences(network, transitions.gather(newest)))
+    after = preferences(network, transitions.parts(newest, EVALUATION_BATCH))
+    return agreement(P_target[-LOOKED_AT:], after)
 
 
 def fit(
@@ -236,10 +220,7 @@ def fit(
     """
     B, size = settings.batch_size, len(regression.actions)
     minibatches = minibatches_per_epoch(size, B)
-    observations = gather_observations(regression.frames, regression.observations)
-    gradients = minibatch_gradients(
-        settings.backend, network, observations, regression.actions, regression.y, group=group
-    )
+    gradients = gathered_gradients(settings.backend, network, regression, B, group=group)
     losses: list[float] = []
 
     updates = updates_of(settings, size)
@@ -247,8 +228,8 @@ def fit(
     network.train()
     for epoch in range(epochs):
         set_learning_rate(optimizer, annealing(epoch, settings))
-        order = torch.from_numpy(rng.permutation(size)).to(observations.device)
-        total = torch.zeros((), device=observations.device)
+        order = torch.from_numpy(rng.permutation(size)).to(regression.y.device)
+        total = torch.zeros((), device=regression.y.device)
         steps = min(minibatches, updates - epoch * minibatches)
         for k in range(steps):
             if stop is not None and k % _STOP_EVERY == 0 and stop():
@@ -311,18 +292,16 @@ def target_preferences(network: PNetwork, transitions: Transitions) -> tuple[Ten
     """
     both = torch.cat([transitions.observations, transitions.next_observations])
     stacks, where = torch.unique(both, dim=0, return_inverse=True)
-    P = preferences(network, transitions.gather(stacks))
+    P = preferences(network, transitions.parts(stacks, EVALUATION_BATCH))
     P_target, P_next = torch.split(P[where], len(transitions))
     return P_target, P_next
 
 
 @torch.no_grad()
-def preferences(network: PNetwork, observations: Tensor) -> Tensor:
-    """P(s, .) of the evaluated network: uint8[n, C, rows, columns] to float32[n, |A|]."""
+def preferences(network: PNetwork, observations: Iterable[Tensor]) -> Tensor:
+    """P(s, .) of the evaluated network: uint8[n, C, rows, columns] each to float32[all n, |A|]."""
     network.eval()
-    return torch.cat(
-        [network(part.float()) for part in torch.split(observations, EVALUATION_BATCH)]
-    )
+    return torch.cat([network(part.float()) for part in observations])
 
 
 def targets(
