@@ -40,7 +40,8 @@ RUNS = {
                         "--n-step", "4"],
     "beyond the paper": ["tracking", "--steps", "12", "--alpha", "0.6", "--n-step", "3", "--gap-floor", "2",
                          "--max-updates", "7", "--replay-transitions", "60", "--bootstrap-terminals", "false",
-                         "--disturb", "noise=0..25,offset=-30..30,jpeg=30..90,backlash=2"],
+                         "--disturb", "noise=0..25,offset=-30..30,jpeg=30..90,backlash=2",
+                         "--augment", "gain=0.5..1.5,noise=9"],
     "two learners": ["reaching", "--learners", "2", "--alpha", "0.6", "--robots", "2"],
     "two float learners": ["reaching", "--algorithm", "cvi", "--learners", "2", "--alpha", "0.6"],
 }  # fmt: skip

@@ -4,13 +4,14 @@ purpose 0, an episode's seed    SeedSequence(0, run seed, iteration, episode): o
 purpose 1, a step's action      Philox with key (episode seed, 1), counter (step, 0, 0, 0): one double in [0, 1)
 purpose 2, the order of D       SeedSequence(2, run seed, iteration): one permutation an epoch
 purpose 3, initial weights      SeedSequence(3, run seed): one integer below 2**63, the seed of torch's generator
+purpose 7, pictures once more   SeedSequence(7, run seed, iteration, episode of D): one uint64
 """
 
 import numpy as np
 
 
 def keyed(*key: int) -> np.random.Generator:
-    """The generator of purposes 0, 2 and 3."""
+    """The generator of purposes 0, 2, 3 and 7."""
     return np.random.Generator(np.random.Philox(np.random.SeedSequence(list(key))))
 
 
@@ -27,6 +28,10 @@ def step_uniforms(seed: int, steps: int) -> list[float]:
 
 def shuffles(run_seed: int, iteration: int) -> np.random.Generator:
     return keyed(2, run_seed, iteration)
+
+
+def camera_seed(run_seed: int, iteration: int, episode: int) -> int:
+    return int(keyed(7, run_seed, iteration, episode).integers(2**64, dtype=np.uint64))
 
 
 def initial_seed(run_seed: int) -> int:

@@ -1,6 +1,8 @@
 """What the minibatches of an update are taken from: each observation's frames stand in memory once."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Self
 
 import torch
 from torch import Tensor
@@ -8,7 +10,7 @@ from torch import Tensor
 from bpn_learner.group import SINGLE_PROCESS, Group
 from bpn_learner.minibatch import Gradients, minibatch_gradients
 from bpn_learner.networks import PNetwork
-from bpn_learner.transitions import gather_observations
+from bpn_learner.transitions import Transitions, gather_observations
 from bpn_shared.spec.sections import Backend
 
 GATHERED_BYTES = 2**29
@@ -30,6 +32,22 @@ class RegressionBatch:
     observations: Tensor
     actions: Tensor
     y: Tensor
+
+    def with_pictures(self, again: Transitions) -> Self:
+        """The same and once more with the pictures of transitions that are D's otherwise."""
+        later = again.observations + len(self.frames)
+        return type(self)(
+            frames=torch.cat([self.frames, again.frames]),
+            observations=torch.cat([self.observations, later]),
+            actions=torch.cat([self.actions, self.actions]),
+            y=torch.cat([self.y, self.y]),
+        )
+
+    def parts(self, size: int) -> Iterator[Tensor]:
+        """Its observations, `size` at once, uint8[n, C, rows, columns] each."""
+        return (
+            gather_observations(self.frames, part) for part in torch.split(self.observations, size)
+        )
 
 
 def gathered_gradients(

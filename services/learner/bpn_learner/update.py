@@ -144,17 +144,19 @@ def policy_update(
     settings: UpdateConfig,
     rng: np.random.Generator,
     *,
+    again: Transitions | None = None,
     gather: Gather = lambda _: nullcontext(SINGLE_PROCESS),
     progress: Callable[[int, int], None] | None = None,
     stop: Callable[[], bool] | None = None,
 ) -> UpdateReport:
     """Trains the network on D and leaves it in evaluation mode, ready to fold.
 
-    A binarized network's batch norm is estimated anew over D at the end. With one thread, equal inputs
+    A binarized network's batch norm is estimated anew over D and `again` at the end. With one thread, equal inputs
     give equal bits.
 
     Args:
         rng: shuffles D, once per epoch.
+        again: the same transitions with other pictures; P is fitted to D's targets there too.
         gather: the learners that share the minibatches; by default there are no others.
         progress: called with (epochs done, epochs) after each.
         stop: asked before each epoch, and in long ones some times a second.
@@ -173,6 +175,8 @@ def policy_update(
     regression = RegressionBatch(
         transitions.frames, transitions.observations, transitions.actions, y
     )
+    if again is not None:
+        regression = regression.with_pictures(again.to(device))
     with gather(regression) as group:
         losses = fit(
             network, optimizer, regression, settings, rng, group=group, progress=progress, stop=stop
@@ -180,7 +184,7 @@ def policy_update(
     network.eval()
     network.offset.fill_(offset)
 
-    network.finish_update(lambda: transitions.parts(transitions.observations, EVALUATION_BATCH))
+    network.finish_update(lambda: regression.parts(EVALUATION_BATCH))
     return UpdateReport(
         loss_first=losses[0],
         loss_last=losses[-1],
@@ -190,7 +194,7 @@ def policy_update(
         entropy=entropy(P_target, settings.beta),
         agreement=_agreement(network, transitions, P_target),
         saturation=float((y.abs() > network.max_preference()).float().mean()),
-        updates=updates_of(settings, len(transitions)),
+        updates=updates_of(settings, len(regression.y)),
         seconds=time.perf_counter() - started,
     )
 

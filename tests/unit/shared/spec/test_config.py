@@ -203,7 +203,7 @@ DEFAULTS: dict[str, Any] = {
     "env_kwargs": "", "env_wrappers": "", "frames_from": "auto", "observation_key": "", "crop": "",
     "max_over_frames": 1, "difference": False, "action_bins": 0, "frame_px": 84, "conv": "8x4x8,4x2x16,3x1x16",
     "disturb": "", "beta_run_final_factor": 1.0, "n_step": 1, "gap_floor": 0.0,
-    "replay_transitions": 0, "max_updates": 0,
+    "replay_transitions": 0, "max_updates": 0, "augment": "",
     "task": "reaching", "algorithm": "bpn", "seed": 0, "frame_channels": 1, "frames_stacked": 1,
     "frame_skip": 1, "actions": 14, "iterations": 50, "episodes": 10, "steps": 20, "epochs": 50,
     "batch_size": 32, "replay_iterations": 3, "alpha": 0.95, "beta": 1.0, "gamma": 0.99,
