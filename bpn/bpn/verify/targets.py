@@ -23,7 +23,7 @@ class Played:
 
     Attributes:
         seen: s_0..s_T, uint8[T+1, C, h, w].
-        actions: int64[T].
+        actions: int64[T, D], the choice in each dimension.
         rewards: float64[T], unscaled.
         terminal: the last observation is the task's end, not a time limit.
         misses: control periods without an action in time.
@@ -43,14 +43,14 @@ class Targets:
     Attributes:
         seen: s of every transition of D in order, uint8[n, h, w, C]; behind them, where the run asks
             for it, the same with pictures that were disturbed for the update.
-        actions: int64[n].
+        taken: the outputs that each action takes, one of each dimension, int64[n, D].
         y: float32[n].
         offset: c, what all preferences lack that are fitted to y (relative targets).
         max_preference: largest |P-(s, .)|.
     """
 
     seen: Tensor
-    actions: Tensor
+    taken: Tensor
     y: Tensor
     offset: float
     max_preference: float
@@ -85,6 +85,7 @@ def targets(
     """Of all of D under the policy that the update begins with.
 
     CVI: y = r + gamma m(s') + alpha (P(s, a) - m(s)) with mellowmax m; DQN: y = r + gamma max_a P(s', a).
+    Where actions have several dimensions, P, m and max are sums over them.
     Without `bootstrap_terminals` what follows a terminal state is worth 0: -c beside preferences that lack c.
 
     Args:
@@ -93,16 +94,18 @@ def targets(
     """
     P_of = [policy.preferences(episode.seen) for episode in D]
     P, P_next = torch.cat([p[:-1] for p in P_of]), torch.cat([p[1:] for p in P_of])
-    actions = torch.cat([episode.actions for episode in D])
+    dims = config.task_spec.action_dims or (config.task_spec.actions,)
+    starts = torch.tensor([sum(dims[:d]) for d in range(len(dims))])
+    taken = torch.cat([episode.actions for episode in D]) + starts
     reward = torch.cat([(reward_scale * episode.rewards).float() for episode in D])
     ends = torch.cat([_ends(episode) for episode in D])
     is_cvi = config.algorithm_spec.targets == "cvi"
     beta = inverse_temperature(config, iteration)
 
-    following = mellowmax(P_next, beta) if is_cvi else P_next.amax(dim=1)
+    following = value_of(P_next, beta if is_cvi else None, dims)
     if not config.bootstrap_terminals:
         following = torch.where(ends, torch.tensor(-offset, dtype=torch.float32), following)
-    gap = P[torch.arange(len(P)), actions] - mellowmax(P, beta)
+    gap = P.gather(1, taken).sum(dim=1) - value_of(P, beta, dims)
     increased = config.alpha * (gap.clamp_min(-config.gap_floor) if config.gap_floor else gap)
     if config.n_step == 1:
         y = reward + config.gamma * following
@@ -122,9 +125,9 @@ def targets(
     shown = [episode.seen for episode in D]
     if config.augment:
         shown += [_seen_again(config, iteration, k, episode) for k, episode in enumerate(D)]
-        actions, y = actions.repeat(2), y.repeat(2)
+        taken, y = taken.repeat(2, 1), y.repeat(2)
     seen = torch.cat([of_episode[:-1] for of_episode in shown]).permute(0, 2, 3, 1).contiguous()
-    return Targets(seen, actions, y, next_offset, float(P.abs().max()))
+    return Targets(seen, taken, y, next_offset, float(P.abs().max()))
 
 
 def _seen_again(config: RunConfig, iteration: int, index: int, episode: Played) -> Tensor:
@@ -166,6 +169,13 @@ def _over_steps(
             sums.append(total + discount * following[end - 1])
         begin += length
     return torch.stack(sums)
+
+
+def value_of(P: Tensor, beta: float | None, dims: Sequence[int]) -> Tensor:
+    """The mellowmax of P [n, sum of dims] in each dimension, or without beta the maximum, summed up."""
+    parts = torch.split(P, list(dims), dim=1)
+    values = [part.amax(dim=1) if beta is None else mellowmax(part, beta) for part in parts]
+    return sum(values[1:], start=values[0])
 
 
 def mellowmax(P: Tensor, beta: float) -> Tensor:

@@ -19,7 +19,7 @@ class EpisodeData:
 
     Attributes:
         frames: uint8[T+1, c, rows, columns].
-        actions: integers [T].
+        actions: integers [T]; of several dimensions [T, D], the choice in each.
         rewards: float[T], unscaled.
         terminated: the task ended the episode, good or bad, not a time limit.
     """
@@ -38,7 +38,7 @@ class Transitions:
         frames: uint8[m, c, rows, columns].
         observations: int64[n, frames_stacked], the frames of s, oldest first.
         next_observations: int64[n, frames_stacked], the frames of s'.
-        actions: int64[n].
+        actions: int64[n], or int64[n, D].
         rewards: float32[n], scaled.
         done: bool[n], s' is a failure; a time limit is not.
         steps_left: int64[n], of the episode from s on, whose transitions are one behind the other.

@@ -11,8 +11,12 @@ import numpy as np
 import torch
 from torch import Tensor
 
+<<<<<<< HEAD
 from bpn_learner.cvi import NO_FLOOR
 from bpn_learner.gathering import RegressionBatch, gathered_gradients
+=======
+from bpn_learner.cvi import NO_FLOOR, outputs_taken
+>>>>>>> main
 from bpn_learner.group import SINGLE_PROCESS, Group
 from bpn_learner.networks import PNetwork
 from bpn_learner.policy_metrics import agreement, entropy
@@ -95,6 +99,26 @@ class UpdateConfig:
         )
 
 
+<<<<<<< HEAD
+=======
+@dataclass(frozen=True, eq=False)
+class RegressionBatch:
+    """What the minibatches of an update fit P to.
+
+    Attributes:
+        frames: uint8[m, c, rows, columns].
+        observations: int64[n, frames_stacked], frame indices as in `Transitions`.
+        actions: int64[n]; of several dimensions int64[n, D], the outputs that each action takes.
+        y: float32[n], the target of P(s, a).
+    """
+
+    frames: Tensor
+    observations: Tensor
+    actions: Tensor
+    y: Tensor
+
+
+>>>>>>> main
 Gather = Callable[[RegressionBatch], AbstractContextManager[Group]]
 """Finds the learners that share an update, and tells them what to fit."""
 
@@ -171,12 +195,17 @@ def policy_update(
     device = next(network.parameters()).device
     transitions = transitions.to(device)
     P_target, P_next = target_preferences(network, transitions)
-    y, offset = targets(transitions, P_target, P_next, settings, float(network.offset))
-    regression = RegressionBatch(
-        transitions.frames, transitions.observations, transitions.actions, y
+    y, offset = targets(
+        transitions, P_target, P_next, settings, float(network.offset), network.spec.action_dims
     )
+<<<<<<< HEAD
     if again is not None:
         regression = regression.with_pictures(again.to(device))
+=======
+    dims, actions = network.spec.action_dims, transitions.actions
+    taken = outputs_taken(actions, dims) if len(dims) > 1 else actions
+    regression = RegressionBatch(transitions.frames, transitions.observations, taken, y)
+>>>>>>> main
     with gather(regression) as group:
         losses = fit(
             network, optimizer, regression, settings, rng, group=group, progress=progress, stop=stop
@@ -191,7 +220,7 @@ def policy_update(
         max_preference=float(P_target.abs().max()),
         max_target=float(y.abs().max()),
         scale=float(network.scale().detach()),
-        entropy=entropy(P_target, settings.beta),
+        entropy=entropy(P_target, settings.beta, dims),
         agreement=_agreement(network, transitions, P_target),
         saturation=float((y.abs() > network.max_preference()).float().mean()),
         updates=updates_of(settings, len(regression.y)),
@@ -202,8 +231,13 @@ def policy_update(
 def _agreement(network: PNetwork, transitions: Transitions, P_target: Tensor) -> float:
     """Of the newest transitions: as many as cost little beside the update."""
     newest = transitions.observations[-LOOKED_AT:]
+<<<<<<< HEAD
     after = preferences(network, transitions.parts(newest, EVALUATION_BATCH))
     return agreement(P_target[-LOOKED_AT:], after)
+=======
+    after = preferences(network, transitions.gather(newest))
+    return agreement(P_target[-LOOKED_AT:], after, network.spec.action_dims)
+>>>>>>> main
 
 
 def fit(
@@ -314,6 +348,7 @@ def targets(
     P_next: Tensor,
     settings: UpdateConfig,
     offset: float = 0.0,
+    dims: tuple[int, ...] = (),
 ) -> tuple[Tensor, float]:
     """Target y of every transition in D from P-(s, .) and P-(s', .), and what the next P leaves out.
 
@@ -326,6 +361,7 @@ def targets(
 
     Args:
         offset: c of P-.
+        dims: choices of each dimension of the actions; none: there is one.
 
     Returns:
         y: float32[n].
@@ -334,7 +370,7 @@ def targets(
     done = transitions.done if not settings.bootstrap_terminals else None
     reward, gamma = transitions.rewards, settings.gamma
     data = TargetInputs(
-        reward, transitions.actions, P_target, P_next, done, -offset, transitions.steps_left
+        reward, transitions.actions, P_target, P_next, done, -offset, transitions.steps_left, dims
     )
     y = target_values(settings.target, data, settings)
     if not settings.relative_targets:

@@ -16,6 +16,7 @@ from bpn_dashboard.series.downsample import NO_BUCKETS, Buckets, Floats, bucket_
 from bpn_dashboard.series.lines import MAX_ITERATION
 from bpn_dashboard.series.points import NO_POINTS, Points
 from bpn_dashboard.series.statistics import Band, Curve, Statistic, summarize
+from bpn_dashboard.series.summary import Value, value_of
 
 Axis = Literal["iteration", "wall_s", "transitions"]
 
@@ -61,14 +62,6 @@ class Series:
     curve: Curve
 
 
-@dataclass(frozen=True)
-class Ends:
-    """The largest and the newest value of a series."""
-
-    best: float
-    last: float
-
-
 class SeriesQueries:
     """Answers queries, from any thread; remembers the newest answers for as long as they are true."""
 
@@ -108,16 +101,12 @@ class SeriesQueries:
             found = store.read_points(session, [row.id for row in rows], 0, MAX_ITERATION)
         return {row.name: found[row.id] for row in rows if row.id in found}
 
-    def ends(self, run_ids: Sequence[str], metric: str) -> dict[str, Ends]:
-        """For each run that has the metric, where it ended up."""
+    def values(self, run_ids: Sequence[str], metric: str, value: Value) -> dict[str, float]:
+        """For each run that has the metric, what it came to; runs where that is no number are left out."""
         with self._database.reading() as session:
             rows = store.metrics_of(session, run_ids, [metric])
-            found = store.read_rollups(session, [row.id for row in rows], 0, MAX_ITERATION)
-        return {
-            row.run_id: Ends(best=float(part.max.max()), last=float(part.last[-1]))
-            for row in rows
-            if len((part := found.get(row.id, NO_BUCKETS)).x)
-        }
+        found = ((row.run_id, value_of(row, value)) for row in rows)
+        return {run_id: number for run_id, number in found if number is not None}
 
     def revision(self) -> int:
         """Grows with every point of any run."""
