@@ -76,7 +76,9 @@ class Environment(BaseModel):
         )
 
 
-def write_environment(folder: "RunFolder", environment: Environment, *, prove: Callable[[], None]) -> None:
+def write_environment(
+    folder: "RunFolder", environment: Environment, *, prove: Callable[[], None]
+) -> None:
     """Adds an attempt's.
 
     Raises:

@@ -275,8 +275,6 @@ def test_a_hole_in_a_series_is_seen_as_one(database, max_points: int) -> None:
         assert np.isnan(curve.last[inside]).all()
         assert (curve.n[inside] == 0).all()
         assert curve.value[-1] == 1.0
-    ends = SeriesQueries(database).ends([RUN], "loss")[RUN]
-    assert (ends.best, ends.last) == (1.0, 1.0)
 
 
 def test_groups_do_not_depend_on_order_or_on_who_has_no_points(database) -> None:

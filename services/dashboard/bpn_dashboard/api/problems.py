@@ -26,6 +26,7 @@ from bpn_dashboard.registry.errors import (
     UnknownRunError,
     UnknownSweepError,
 )
+from bpn_dashboard.registry.query_language import QueryError
 from bpn_shared.runs.opening import ForeignFileError
 from bpn_shared.spec.config import ConfigError
 
@@ -115,8 +116,11 @@ def problem_of(error: Exception) -> Problem:
         return error.problem
     if isinstance(error, OSError | OperationalError):
         return _storage_problem(error)
-    status, kind = _EXPECTED[type(error)]
-    return Problem.of(status, kind, printable(str(error)))
+    status, kind = next(_EXPECTED[base] for base in type(error).__mro__ if base in _EXPECTED)
+    problem = Problem.of(status, kind, printable(str(error)))
+    if isinstance(error, QueryError):
+        problem.errors = [FieldError(location=f"query.{error.position}", message=problem.detail)]
+    return problem
 
 
 def _storage_problem(error: OSError | OperationalError) -> Problem:

@@ -43,7 +43,9 @@ class DiskUsage:
         self._measured_s[run_id] = changed_s
         try:
             size = size_bytes(self._runs_dir, run_id)
-            with self._database.writing() as session:  # not as a change of the run: nothing happened to it
+            with (
+                self._database.writing() as session
+            ):  # not as a change of the run: nothing happened to it
                 session.execute(update(RunRow).where(RunRow.id == run_id).values(disk_bytes=size))
         except (OSError, OperationalError) as error:
             log.debug("the size of run %s is not known: %s", run_id, error)

@@ -4,7 +4,6 @@ import threading
 from collections import OrderedDict
 from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 from sqlalchemy.orm import Session
@@ -17,6 +16,7 @@ from bpn_dashboard.series.downsample import NO_BUCKETS, Buckets, Floats, bucket_
 from bpn_dashboard.series.lines import MAX_ITERATION
 from bpn_dashboard.series.points import NO_POINTS, Points
 from bpn_dashboard.series.statistics import Band, Curve, Statistic, summarize
+from bpn_dashboard.series.summary import Value, value_of
 
 _REMEMBERED = 256
 """Curves, of at most 4000 buckets of 64 bytes each: 64 MB."""
@@ -58,14 +58,6 @@ class Series:
     curve: Curve
 
 
-@dataclass(frozen=True)
-class Ends:
-    """The largest and the newest value of a series."""
-
-    best: float
-    last: float
-
-
 class SeriesQueries:
     """Answers queries, from any thread; remembers the newest answers for as long as they are true."""
 
@@ -105,16 +97,12 @@ class SeriesQueries:
             found = store.read_points(session, [row.id for row in rows], 0, MAX_ITERATION)
         return {row.name: found[row.id] for row in rows if row.id in found}
 
-    def ends(self, run_ids: Sequence[str], metric: str) -> dict[str, Ends]:
-        """For each run that has the metric, where it ended up."""
+    def values(self, run_ids: Sequence[str], metric: str, value: Value) -> dict[str, float]:
+        """For each run that has the metric, what it came to; runs where that is no number are left out."""
         with self._database.reading() as session:
             rows = store.metrics_of(session, run_ids, [metric])
-            found = store.read_rollups(session, [row.id for row in rows], 0, MAX_ITERATION)
-        return {
-            row.run_id: Ends(best=float(np.nanmax(part.max)), last=float(part.last[part.n > 0][-1]))
-            for row in rows
-            if (part := found.get(row.id, NO_BUCKETS)).n.any()
-        }
+        found = ((row.run_id, value_of(row, value)) for row in rows)
+        return {run_id: number for run_id, number in found if number is not None}
 
     def revision(self) -> int:
         """Grows with every point of any run."""
@@ -131,7 +119,9 @@ class SeriesQueries:
     ) -> Series:
         rows = [found[run, metric] for run in sorted(seeds) if (run, metric) in found]
         names = METRICS[view.axis]
-        axes = [found[key] for row in rows for name in names if (key := (row.run_id, name)) in found]
+        axes = [
+            found[key] for row in rows for name in names if (key := (row.run_id, name)) in found
+        ]
         key = metric, view, tuple((row.id, row.revision) for row in (*rows, *axes))
         with self._lock:
             if (known := self._known.get(key)) is not None:
@@ -197,9 +187,7 @@ def _by_other_axis(
     axes_of: dict[str, dict[str, Points]] = {row.run_id: {} for row in rows}
     for row in axes:
         axes_of[row.run_id][row.name] = found.get(row.id, NO_POINTS)
-    parts = [
-        place(found.get(row.id, NO_POINTS), axes_of[row.run_id], view.axis) for row in rows
-    ]
+    parts = [place(found.get(row.id, NO_POINTS), axes_of[row.run_id], view.axis) for row in rows]
     x = np.concatenate([x for x, _ in parts]) if parts else np.empty(0)
     if not len(x):
         return [NO_BUCKETS] * len(rows), 0.0
