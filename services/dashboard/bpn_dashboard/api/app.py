@@ -37,8 +37,10 @@ class Application(Guard):
         api: the application inside.
     """
 
-    def __init__(self, api: FastAPI, hosts: Iterable[str], connections: Connections | None) -> None:
-        super().__init__(api, hosts, connections=connections)
+    def __init__(
+        self, api: FastAPI, hosts: Iterable[str], prefix: str, connections: Connections | None
+    ) -> None:
+        super().__init__(api, hosts, prefix=prefix, connections=connections)
         self.api = api
 
 
@@ -46,6 +48,7 @@ def create_app(
     context: Context,
     *,
     hosts: Iterable[str] = (),
+    prefix: str = "",
     lifespan: Lifespan | None = None,
     routers: Sequence[APIRouter] = (),
 ) -> Application:
@@ -53,6 +56,7 @@ def create_app(
 
     Args:
         hosts: names by which browsers reach the dashboard, beside loopback's.
+        prefix: the path at which they find it, without a slash at its end, if that is not the root.
         routers: more routes, such as the live hub's, with their whole paths.
     """
     app = FastAPI(
@@ -80,6 +84,6 @@ def create_app(
     app.include_router(prometheus.router)
     for router in routers:
         app.include_router(router)
-    app.include_router(static.ui_routes())
+    app.include_router(static.ui_routes(prefix=prefix))
     describe(app)
-    return Application(app, hosts, context.connections)
+    return Application(app, hosts, prefix, context.connections)

@@ -120,6 +120,7 @@ test('a list is followed until the reader moves it, whatever else moves it', () 
   reader.hold(true, 7000);
   reader.scrolled(false, 9000);
   expect(reader.on).toBe(false);
+  reader.hold(false, 9000);
   reader.resume();
   expect(reader.scrolled(false, 9100)).toBe(true);
 });
