@@ -10,6 +10,7 @@ from bpn_dashboard.access.connections import Connections
 from bpn_dashboard.access.guard import MAX_BODY_BYTES, Guard
 from bpn_dashboard.api import (
     artefacts,
+    comparison,
     episodes,
     logs,
     problems,
@@ -68,7 +69,18 @@ def create_app(
     )
     app.state.context = context
     problems.install(app)
-    for module in (session, runs, trash, sweeps, series, artefacts, episodes, logs, system):
+    for module in (
+        session,
+        runs,
+        trash,
+        sweeps,
+        series,
+        comparison,
+        artefacts,
+        episodes,
+        logs,
+        system,
+    ):
         app.include_router(module.router, prefix=PREFIX)
 
     @app.get(f"{PREFIX}/openapi.json", operation_id="getOpenApi", tags=["system"])
