@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from bpn.verify.play import Policy
+from bpn.verify.play import Policy, inverse_temperature
 from bpn_shared.spec.config import RunConfig
 
 COMPUTED = ("cvi", "dqn")
@@ -19,7 +19,7 @@ class Played:
 
     Attributes:
         seen: s_0..s_T, uint8[T+1, C, h, w].
-        actions: int64[T].
+        actions: int64[T, D], the choice in each dimension.
         rewards: float64[T], unscaled.
         terminal: the last observation is the task's end, not a time limit.
         misses: control periods without an action in time.
@@ -38,39 +38,68 @@ class Targets:
 
     Attributes:
         seen: s of every transition of D in order, uint8[n, h, w, C].
-        actions: int64[n].
+        taken: the outputs that each action takes, one of each dimension, int64[n, D].
         y: float32[n].
         offset: c, what all preferences lack that are fitted to y (relative targets).
         max_preference: largest |P-(s, .)|.
     """
 
     seen: Tensor
-    actions: Tensor
+    taken: Tensor
     y: Tensor
     offset: float
     max_preference: float
 
 
-def targets(config: RunConfig, D: Sequence[Played], policy: Policy, offset: float) -> Targets:
+def factor_on_rewards(config: RunConfig, D: Sequence[Played], before: float) -> float:
+    """The run's `reward_scale`; where that is 0, what makes the first returns over n steps that differ span 10.
+
+    Args:
+        before: what it was in the update before; 0: returns did not differ yet, as what this gives then.
+    """
+    if config.reward_scale or before:
+        return config.reward_scale or before
+    returns = [
+        sum(config.gamma**k * reward for k, reward in enumerate(rewards[t : t + config.n_step]))
+        for rewards in (episode.rewards.tolist() for episode in D)
+        for t in range(len(rewards))
+    ]
+    spread = max(returns) - min(returns)
+    return 10 / spread if spread else 0.0
+
+
+def targets(
+    config: RunConfig,
+    iteration: int,
+    D: Sequence[Played],
+    policy: Policy,
+    offset: float,
+    reward_scale: float,
+) -> Targets:
     """Of all of D under the policy that the update begins with.
 
     CVI: y = r + gamma m(s') + alpha (P(s, a) - m(s)) with mellowmax m; DQN: y = r + gamma max_a P(s', a).
+    Where actions have several dimensions, P, m and max are sums over them.
     Without `bootstrap_terminals` what follows a terminal state is worth 0: -c beside preferences that lack c.
 
     Args:
         offset: c of the policy's preferences.
+        reward_scale: factor on rewards.
     """
     P_of = [policy.preferences(episode.seen) for episode in D]
     P, P_next = torch.cat([p[:-1] for p in P_of]), torch.cat([p[1:] for p in P_of])
-    actions = torch.cat([episode.actions for episode in D])
-    reward = torch.cat([(config.reward_scale * episode.rewards).float() for episode in D])
+    dims = config.task_spec.action_dims or (config.task_spec.actions,)
+    starts = torch.tensor([sum(dims[:d]) for d in range(len(dims))])
+    taken = torch.cat([episode.actions for episode in D]) + starts
+    reward = torch.cat([(reward_scale * episode.rewards).float() for episode in D])
     ends = torch.cat([_ends(episode) for episode in D])
     is_cvi = config.algorithm_spec.targets == "cvi"
+    beta = inverse_temperature(config, iteration)
 
-    following = mellowmax(P_next, config.beta) if is_cvi else P_next.amax(dim=1)
+    following = value_of(P_next, beta if is_cvi else None, dims)
     if not config.bootstrap_terminals:
         following = torch.where(ends, torch.tensor(-offset, dtype=torch.float32), following)
-    gap = P[torch.arange(len(P)), actions] - mellowmax(P, config.beta)
+    gap = P.gather(1, taken).sum(dim=1) - value_of(P, beta, dims)
     increased = config.alpha * (gap.clamp_min(-config.gap_floor) if config.gap_floor else gap)
     if config.n_step == 1:
         y = reward + config.gamma * following
@@ -88,7 +117,7 @@ def targets(config: RunConfig, D: Sequence[Played], policy: Policy, offset: floa
         next_offset = config.gamma * offset + float(y.mean())
         y = y - y.mean()
     seen = torch.cat([episode.seen[:-1] for episode in D]).permute(0, 2, 3, 1).contiguous()
-    return Targets(seen, actions, y, next_offset, float(P.abs().max()))
+    return Targets(seen, taken, y, next_offset, float(P.abs().max()))
 
 
 def _over_steps(
@@ -120,6 +149,13 @@ def _over_steps(
             sums.append(total + discount * following[end - 1])
         begin += length
     return torch.stack(sums)
+
+
+def value_of(P: Tensor, beta: float | None, dims: Sequence[int]) -> Tensor:
+    """The mellowmax of P [n, sum of dims] in each dimension, or without beta the maximum, summed up."""
+    parts = torch.split(P, list(dims), dim=1)
+    values = [part.amax(dim=1) if beta is None else mellowmax(part, beta) for part in parts]
+    return sum(values[1:], start=values[0])
 
 
 def mellowmax(P: Tensor, beta: float) -> Tensor:

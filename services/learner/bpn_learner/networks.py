@@ -160,8 +160,8 @@ class BinaryNetwork(PNetwork):
         return self.log_scale.exp()
 
     def max_preference(self) -> float:
-        """The largest |P|: lambda N."""
-        return float(self.scale().detach()) * self.spec.hidden_units
+        """The largest |P|: lambda N; of an action of D dimensions, D lambda N."""
+        return float(self.scale().detach()) * self.spec.hidden_units * len(self.spec.action_dims)
 
     def parameter_groups(self, learning_rate: float) -> list[dict[str, Any]]:
         """Log lambda at three times the rate: one number has to follow the values' magnitude."""

@@ -11,7 +11,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from bpn_learner.cvi import NO_FLOOR
+from bpn_learner.cvi import NO_FLOOR, outputs_taken
 from bpn_learner.group import SINGLE_PROCESS, Group
 from bpn_learner.minibatch import minibatch_gradients
 from bpn_learner.networks import PNetwork
@@ -78,7 +78,7 @@ class UpdateConfig:
         """What a run's configuration asks for in an iteration."""
         return cls(
             alpha=config.alpha,
-            beta=config.beta,
+            beta=config.beta_of(iteration),
             gamma=config.gamma,
             epochs=config.epochs,
             batch_size=config.batch_size,
@@ -102,7 +102,7 @@ class RegressionBatch:
     Attributes:
         frames: uint8[m, c, rows, columns].
         observations: int64[n, frames_stacked], frame indices as in `Transitions`.
-        actions: int64[n].
+        actions: int64[n]; of several dimensions int64[n, D], the outputs that each action takes.
         y: float32[n], the target of P(s, a).
     """
 
@@ -186,10 +186,12 @@ def policy_update(
     device = next(network.parameters()).device
     transitions = transitions.to(device)
     P_target, P_next = target_preferences(network, transitions)
-    y, offset = targets(transitions, P_target, P_next, settings, float(network.offset))
-    regression = RegressionBatch(
-        transitions.frames, transitions.observations, transitions.actions, y
+    y, offset = targets(
+        transitions, P_target, P_next, settings, float(network.offset), network.spec.action_dims
     )
+    dims, actions = network.spec.action_dims, transitions.actions
+    taken = outputs_taken(actions, dims) if len(dims) > 1 else actions
+    regression = RegressionBatch(transitions.frames, transitions.observations, taken, y)
     with gather(regression) as group:
         losses = fit(
             network, optimizer, regression, settings, rng, group=group, progress=progress, stop=stop
@@ -204,7 +206,7 @@ def policy_update(
         max_preference=float(P_target.abs().max()),
         max_target=float(y.abs().max()),
         scale=float(network.scale().detach()),
-        entropy=entropy(P_target, settings.beta),
+        entropy=entropy(P_target, settings.beta, dims),
         agreement=_agreement(network, transitions, P_target),
         saturation=float((y.abs() > network.max_preference()).float().mean()),
         updates=updates_of(settings, len(transitions)),
@@ -215,7 +217,8 @@ def policy_update(
 def _agreement(network: PNetwork, transitions: Transitions, P_target: Tensor) -> float:
     """Of the newest transitions: as many as cost little beside the update."""
     newest = transitions.observations[-LOOKED_AT:]
-    return agreement(P_target[-LOOKED_AT:], preferences(network, transitions.gather(newest)))
+    after = preferences(network, transitions.gather(newest))
+    return agreement(P_target[-LOOKED_AT:], after, network.spec.action_dims)
 
 
 def fit(
@@ -331,6 +334,7 @@ def targets(
     P_next: Tensor,
     settings: UpdateConfig,
     offset: float = 0.0,
+    dims: tuple[int, ...] = (),
 ) -> tuple[Tensor, float]:
     """Target y of every transition in D from P-(s, .) and P-(s', .), and what the next P leaves out.
 
@@ -343,6 +347,7 @@ def targets(
 
     Args:
         offset: c of P-.
+        dims: choices of each dimension of the actions; none: there is one.
 
     Returns:
         y: float32[n].
@@ -351,7 +356,7 @@ def targets(
     done = transitions.done if not settings.bootstrap_terminals else None
     reward, gamma = transitions.rewards, settings.gamma
     data = TargetInputs(
-        reward, transitions.actions, P_target, P_next, done, -offset, transitions.steps_left
+        reward, transitions.actions, P_target, P_next, done, -offset, transitions.steps_left, dims
     )
     y = target_values(settings.target, data, settings)
     if not settings.relative_targets:

@@ -102,6 +102,7 @@ CHANNELS: tuple[Channel, ...] = (
     Channel(keys.frame(ANY, ANY), "stream", ("robot_sim",), ("edge",), MAX_PIXEL_BYTES),
     Channel(keys.action(ANY, ANY), "stream", ("edge",), ("robot_sim",)),
     Channel(keys.reset(ANY, ANY), "request", ("edge",), ("robot_sim",)),
+    Channel(keys.local_link(ANY, ANY, ANY), "token", ("robot_sim",), ("edge",)),
     Channel(keys.config(ANY), "request", ("edge", "robot_sim", "learner"), ("learner",)),
     Channel(keys.rendezvous(ANY), "request", ("learner",), ("learner",)),
     Channel(keys.next_episode(ANY), "request", ("edge",), ("learner",)),

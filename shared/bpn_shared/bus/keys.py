@@ -23,6 +23,11 @@ def reset(run: Run, slot: Slot) -> str:
     return f"bpn/{run}/robot/{slot}/reset"
 
 
+def local_link(run: Run, slot: Slot, name: str) -> str:
+    """Liveliness token of a robot: at which Unix socket an edge on its machine reaches it past the router."""
+    return f"bpn/{run}/robot/{slot}/local/{name}"
+
+
 def preview(run: Run, slot: Slot) -> str:
     """What the network of this slot sees, for who watches."""
     return f"bpn/{run}/robot/{slot}/preview"

@@ -25,8 +25,8 @@ from bpn_shared.spec.sections import AlgorithmValues, ExecutionValues, TrainingV
 from bpn_shared.spec.stopping import StopRule
 from bpn_shared.spec.tasks import TaskOptions, TaskSpec, is_gym
 
-_AS_THE_TASK = ("frame_channels", "frame_px", "frames_stacked", "frame_skip", "actions")
-"""Options whose 0 is whatever the task has."""
+_AS_THE_TASK = ("frame_channels", "frame_px", "frames_stacked", "frame_skip", "actions", "action_dims")
+"""Options whose 0, or nothing, is whatever the task has."""
 _OWN_KERNELS = frozenset(name for names in KERNELS.values() for name in names)
 """Of the others, only the edge that has them can say what they run."""
 
@@ -69,7 +69,7 @@ class RunConfig(ExecutionValues, TrainingValues, AlgorithmValues, TaskOptions):
         if not isinstance(values, dict):
             return values
         given = {
-            name: v for name, v in values.items() if not (name in _AS_THE_TASK and v in (0, "0"))
+            name: v for name, v in values.items() if not (name in _AS_THE_TASK and v in (0, "0", ""))
         }
         of_task = values.get("task_spec")
         if isinstance(of_task, dict):
@@ -206,6 +206,15 @@ class RunConfig(ExecutionValues, TrainingValues, AlgorithmValues, TaskOptions):
             return 0.0
         progress = min(1.0, 2 * iteration / self.iterations)
         return self.epsilon_initial + progress * (self.epsilon_final - self.epsilon_initial)
+
+    def beta_of(self, version: int) -> float:
+        """The inverse temperature with which a weights version plays, and the update that follows it computes.
+
+        From `beta` it rises linearly to `beta_run_final_factor` times that in the last iteration.
+        """
+        last = self.iterations - 1
+        progress = min(version, last) / max(1, last)
+        return self.beta * (1 + progress * (self.beta_run_final_factor - 1))
 
     def learning_rate_share(self, iteration: int) -> float:
         """Of the learning rate, in an iteration: from 1 linearly to `lr_run_final_factor`."""

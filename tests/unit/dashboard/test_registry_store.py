@@ -212,7 +212,7 @@ def test_pages_show_each_run_once_in_order_whatever_is_inserted_meanwhile(
 def three(store: RunStore) -> dict[str, str]:
     """Runs that differ in everything, by name."""
     made = [
-        store.create(CONFIG, name="Straße", notes="with 100%", tags=["best"], actor="a"),
+        store.create(CONFIG, name="Straße", notes="with 100%", tags=["best", "größe"], actor="a"),
         store.create(RunConfig.for_task("tracking", alpha=0.5), name="two", actor="a"),
         store.create(RunConfig.for_task("tracking", algorithm="bqn"), name="three", actor="a"),
     ]
@@ -228,6 +228,13 @@ def three(store: RunStore) -> dict[str, str]:
         (RunFilter(search="%"), {"Straße"}),
         (RunFilter(search="best"), {"Straße"}),
         (RunFilter(search="TWO"), {"two"}),
+        (RunFilter(search="STRASSE"), {"Straße"}),
+        (RunFilter(search="GRÖSSE"), {"Straße"}),
+        (RunFilter(search="gro\u0308ße"), {"Straße"}),  # as another keyboard writes the ö
+        (RunFilter(search="größe with stra"), {"Straße"}),
+        (RunFilter(search="größe two"), set()),
+        (RunFilter(search="["), set()),
+        (RunFilter(search='"'), set()),
         (RunFilter(task="tracking"), {"two", "three"}),
         (RunFilter(task="tracking", algorithm="bqn"), {"three"}),
         (RunFilter(states=("queued", "failed")), {"Straße", "two", "three"}),

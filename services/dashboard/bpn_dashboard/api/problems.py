@@ -35,6 +35,22 @@ log = logging.getLogger(__name__)
 MEDIA_TYPE = "application/problem+json"
 _TYPE = "urn:bpn:problem:"
 _MAX_ERRORS = 50
+_TITLES = {
+    401: "Not signed in",
+    403: "Not allowed",
+    404: "Not found",
+    409: "Not possible now",
+    412: "Changed meanwhile",
+    413: "Too large",
+    421: "Unknown name of this server",
+    422: "Wrong values",
+    428: "Not said what was seen",
+    429: "Too many tries",
+    500: "The server failed",
+    503: "Not ready",
+    507: "No room",
+}
+"""By status. HTTP's own phrases are for programs."""
 
 
 class FieldError(BaseModel):
@@ -56,8 +72,9 @@ class Problem(BaseModel):
 
     @classmethod
     def of(cls, status: int, kind: str, detail: str) -> Self:
-        """A problem whose title is the status's phrase."""
-        return cls(type=_TYPE + kind, title=HTTPStatus(status).phrase, status=status, detail=detail)
+        """A problem whose title says in plain words what its status means."""
+        title = _TITLES.get(status) or HTTPStatus(status).phrase
+        return cls(type=_TYPE + kind, title=title, status=status, detail=detail)
 
 
 class ApiError(Exception):

@@ -22,15 +22,15 @@ METRIC = "metric."
 OWN: dict[str, Any] = {
     column.key: column
     for column in (
-        RunRow.created_at, RunRow.updated_at, RunRow.name, RunRow.state, RunRow.task,
+        RunRow.created_at, RunRow.updated_at, RunRow.state, RunRow.task,
         RunRow.algorithm, RunRow.seed, RunRow.iteration, RunRow.return_last, RunRow.return_best,
         RunRow.return_mean_last_5, RunRow.length_last, RunRow.error, RunRow.attempt,
-        RunRow.weights_version,
+        RunRow.weights_version, RunRow.disk_bytes,
     )
-}  # fmt: skip
+} | {"name": RunRow.name_order}  # fmt: skip
 _NULLABLE = {
     RunRow.return_last.key, RunRow.return_best.key, RunRow.return_mean_last_5.key,
-    RunRow.length_last.key, RunRow.weights_version.key,
+    RunRow.length_last.key, RunRow.weights_version.key, RunRow.disk_bytes.key,
 }  # fmt: skip
 
 

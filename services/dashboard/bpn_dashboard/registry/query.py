@@ -8,10 +8,11 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from sqlalchemy import ColumnElement, String, and_, cast, func, or_, select
+from sqlalchemy import ColumnElement, and_, func, or_, select
 from sqlalchemy.orm import Session
 
 from bpn_dashboard.database.tables import RunRow
+from bpn_dashboard.database.text_keys import folded
 from bpn_dashboard.registry.columns import CONFIG, column_of, config_value
 from bpn_dashboard.registry.errors import FilterError
 from bpn_dashboard.registry.query_conditions import config_value_of, query_condition
@@ -25,7 +26,7 @@ class RunFilter:
     """Conditions that a run must all meet.
 
     Attributes:
-        search: part of its name, notes, tags or id, in any case.
+        search: words that are each part of its name, notes, tags or id, in any case.
         states: one of these; empty: any.
         archived: whether it is archived; None: either.
         config: configuration keys with the value that they must have, as text.
@@ -115,7 +116,7 @@ def conditions(runs: RunFilter) -> list[ColumnElement[bool]]:
         FilterError: a configuration key is unknown, or a value cannot be one of that key.
     """
     found: list[ColumnElement[bool]] = []
-    if runs.search:
+    if runs.search.strip():
         found.append(_has_text(runs.search))
     if runs.query:
         found.append(query_condition(runs.query, _has_text))
@@ -135,8 +136,10 @@ def conditions(runs: RunFilter) -> list[ColumnElement[bool]]:
 
 
 def _has_text(text: str) -> ColumnElement[bool]:
-    texts = (RunRow.name, RunRow.notes, RunRow.id, cast(RunRow.tags, String))
-    return or_(*(column.icontains(text, autoescape=True) for column in texts))
+    """Every word of a text is somewhere in it."""
+    return and_(
+        *(RunRow.search_text.contains(word, autoescape=True) for word in folded(text).split())
+    )
 
 
 def _config_is(key: str, text: str) -> ColumnElement[bool]:
