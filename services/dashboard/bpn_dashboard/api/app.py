@@ -13,8 +13,10 @@ from bpn_dashboard.api import (
     comparison,
     episodes,
     logs,
+    overviews,
     problems,
     prometheus,
+    queue,
     runs,
     series,
     session,
@@ -22,6 +24,7 @@ from bpn_dashboard.api import (
     sweeps,
     system,
     trash,
+    views,
 )
 from bpn_dashboard.api.context import Context, Viewer
 from bpn_dashboard.api.openapi import describe
@@ -69,18 +72,11 @@ def create_app(
     )
     app.state.context = context
     problems.install(app)
+    # Paths with a name in place of a run's id come before those with the id.
     for module in (
-        session,
-        runs,
-        trash,
-        sweeps,
-        series,
-        comparison,
-        artefacts,
-        episodes,
-        logs,
-        system,
-    ):
+        session, overviews, queue, runs, trash, sweeps, series, comparison, artefacts, episodes, logs,
+        system, views,
+    ):  # fmt: skip
         app.include_router(module.router, prefix=PREFIX)
 
     @app.get(f"{PREFIX}/openapi.json", operation_id="getOpenApi", tags=["system"])
