@@ -23,6 +23,7 @@ from bpn_edge.policy import epsilon_greedy_action, softmax_action, softmax_weigh
 from bpn_learner.factory import initial_policy
 from bpn_learner.networks import PNetwork
 from bpn_learner.reward import function_of
+from bpn_learner.reward_scale import RewardScale
 from bpn_learner.transitions import EpisodeData, Transitions
 from bpn_learner.update import UpdateConfig, policy_update
 from bpn_robot.robot import Robot
@@ -120,6 +121,7 @@ def iterations(
     """What each iteration came to, and at the end what the policy does under disturbances."""
     network, optimizer = initial_policy(config)
     player = Player(config)
+    reward_scale = RewardScale(config)
     data: deque[list[EpisodeData]] = deque(maxlen=config.replay_iterations)
     player.load(network.export())
     for i in range(config.iterations):
@@ -130,14 +132,11 @@ def iterations(
             for e in range(config.episodes)
         ]
         greedy = [player.play(GREEDY_SEED + k, 0.0, greedy=True) for k in range(trials)]
-        data.append(
-            [
-                EpisodeData(e.frames, e.actions, e.rewards * config.reward_scale, e.terminated)
-                for e in episodes
-            ]
-        )
+        data.append(episodes)
+        newest = [e for held in data for e in held]
         D = Transitions.from_episodes(
-            [e for held in data for e in held],
+            newest,
+            reward_scale=reward_scale.of(newest),
             frames_stacked=config.task_spec.frames_stacked,
             difference=config.difference,
         )

@@ -11,7 +11,13 @@ from torch import Tensor
 
 from bpn.verify import draws, pixels
 from bpn.verify.findings import Findings
-from bpn.verify.play import Policy, greedy_choice, observations, softmax_choice
+from bpn.verify.play import (
+    Policy,
+    greedy_choice,
+    inverse_temperature,
+    observations,
+    softmax_choice,
+)
 from bpn.verify.targets import Played
 from bpn_shared.messages.base import MessageError
 from bpn_shared.messages.episode import Episode
@@ -59,7 +65,7 @@ class Recording:
         """What the run's policy does on the outputs that the edge recorded."""
         P = self.episode.outputs[step].astype(np.float64) * self.policy.scale
         if self.config.policy == SOFTMAX:
-            return softmax_choice(P, self.config.beta, uniform)
+            return softmax_choice(P, inverse_temperature(self.config, self.iteration), uniform)
         return greedy_choice(P, epsilon(self.config, self.iteration), uniform)
 
 
@@ -192,13 +198,17 @@ def answered(recording: Recording, step: int) -> list[int]:
 
 def explained(recording: Recording, uniforms: list[float]) -> str:
     """What other way of acting gives all of an episode's actions, if one of the likely ones does."""
-    beta, scale = recording.config.beta, recording.policy.scale
-    share = epsilon(recording.config, recording.iteration)
+    config, scale = recording.config, recording.policy.scale
+    beta = inverse_temperature(config, recording.iteration)
+    share = epsilon(config, recording.iteration)
     outputs = recording.episode.outputs.astype(np.float64)
     ways: dict[str, Act] = {
         "a softmax policy": lambda o, u: softmax_choice(o * scale, beta, u),
         "an epsilon-greedy policy": lambda o, u: greedy_choice(o, share, u),
         "the best action always": lambda o, u: greedy_choice(o, 0.0, u),
+        "a softmax policy at the run's first beta": lambda o, u: softmax_choice(
+            o * scale, config.beta, u
+        ),
         "a softmax policy at beta = 1": lambda o, u: softmax_choice(o * scale, 1.0, u),
         "a softmax policy without lambda": lambda o, u: softmax_choice(o, beta, u),
     }

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from bpn.verify.play import Policy
+from bpn.verify.play import Policy, inverse_temperature
 from bpn_shared.spec.config import RunConfig
 
 COMPUTED = ("cvi", "dqn")
@@ -51,7 +51,31 @@ class Targets:
     max_preference: float
 
 
-def targets(config: RunConfig, D: Sequence[Played], policy: Policy, offset: float) -> Targets:
+def factor_on_rewards(config: RunConfig, D: Sequence[Played], before: float) -> float:
+    """The run's `reward_scale`; where that is 0, what makes the first returns over n steps that differ span 10.
+
+    Args:
+        before: what it was in the update before; 0: returns did not differ yet, as what this gives then.
+    """
+    if config.reward_scale or before:
+        return config.reward_scale or before
+    returns = [
+        sum(config.gamma**k * reward for k, reward in enumerate(rewards[t : t + config.n_step]))
+        for rewards in (episode.rewards.tolist() for episode in D)
+        for t in range(len(rewards))
+    ]
+    spread = max(returns) - min(returns)
+    return 10 / spread if spread else 0.0
+
+
+def targets(
+    config: RunConfig,
+    iteration: int,
+    D: Sequence[Played],
+    policy: Policy,
+    offset: float,
+    reward_scale: float,
+) -> Targets:
     """Of all of D under the policy that the update begins with.
 
     CVI: y = r + gamma m(s') + alpha (P(s, a) - m(s)) with mellowmax m; DQN: y = r + gamma max_a P(s', a).
@@ -59,18 +83,20 @@ def targets(config: RunConfig, D: Sequence[Played], policy: Policy, offset: floa
 
     Args:
         offset: c of the policy's preferences.
+        reward_scale: factor on rewards.
     """
     P_of = [policy.preferences(episode.seen) for episode in D]
     P, P_next = torch.cat([p[:-1] for p in P_of]), torch.cat([p[1:] for p in P_of])
     actions = torch.cat([episode.actions for episode in D])
-    reward = torch.cat([(config.reward_scale * episode.rewards).float() for episode in D])
+    reward = torch.cat([(reward_scale * episode.rewards).float() for episode in D])
     ends = torch.cat([_ends(episode) for episode in D])
     is_cvi = config.algorithm_spec.targets == "cvi"
+    beta = inverse_temperature(config, iteration)
 
-    following = mellowmax(P_next, config.beta) if is_cvi else P_next.amax(dim=1)
+    following = mellowmax(P_next, beta) if is_cvi else P_next.amax(dim=1)
     if not config.bootstrap_terminals:
         following = torch.where(ends, torch.tensor(-offset, dtype=torch.float32), following)
-    gap = P[torch.arange(len(P)), actions] - mellowmax(P, config.beta)
+    gap = P[torch.arange(len(P)), actions] - mellowmax(P, beta)
     increased = config.alpha * (gap.clamp_min(-config.gap_floor) if config.gap_floor else gap)
     if config.n_step == 1:
         y = reward + config.gamma * following

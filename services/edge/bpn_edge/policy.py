@@ -31,9 +31,9 @@ def action_selector(config: RunConfig, assignment: Assignment, scale: float) -> 
     return selector
 
 
-def softmax(config: RunConfig, _assignment: Assignment, scale: float) -> ActionSelector:
+def softmax(config: RunConfig, assignment: Assignment, scale: float) -> ActionSelector:
     """The `Selection` of CVI."""
-    beta = config.beta
+    beta = config.beta_of(assignment.weights_version)
     return lambda outputs, uniform: softmax_action(outputs, scale, beta, uniform)
 
 

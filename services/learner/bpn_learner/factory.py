@@ -7,6 +7,9 @@ from bpn_learner.update import make_optimizer
 from bpn_shared.spec.config import ConfigError, RunConfig
 from bpn_shared.spec.seeds import initial_weights_seed
 
+_FIRST_SPREAD = 0.3
+"""Standard deviation of beta P of the first policy: sums of N random signs have sqrt(N)."""
+
 
 def initial_policy(config: RunConfig) -> tuple[PNetwork, torch.optim.Optimizer]:
     """Network and optimizer of iteration 0, on the run's device.
@@ -18,10 +21,15 @@ def initial_policy(config: RunConfig) -> tuple[PNetwork, torch.optim.Optimizer]:
     network = make_network(
         config.algorithm_spec.network,
         config.network,
-        scale_initial=config.scale_initial,
+        scale_initial=config.scale_initial or nearly_uniform_scale(config),
         generator=torch.Generator().manual_seed(initial_weights_seed(config.seed)),
     ).to(_device(config))
     return network, make_optimizer(network, config.learning_rate)
+
+
+def nearly_uniform_scale(config: RunConfig) -> float:
+    """Lambda with which a policy of random signs is nearly uniform: beta P then varies by `_FIRST_SPREAD`."""
+    return _FIRST_SPREAD / (config.beta * config.hidden_units**0.5)
 
 
 def has_gpu() -> bool:

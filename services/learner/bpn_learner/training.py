@@ -20,6 +20,7 @@ from bpn_learner.history import History
 from bpn_learner.ledger import EpisodeLedger
 from bpn_learner.rendezvous import Rendezvous
 from bpn_learner.replay import ReplayMemory
+from bpn_learner.reward_scale import RewardScale
 from bpn_learner.storage import StorageStopped, insist
 from bpn_learner.transitions import EpisodeData, Transitions
 from bpn_learner.update import (
@@ -83,6 +84,7 @@ class Training:
         self._rendezvous, self._exchange_s = rendezvous, 0.0
         self._history = History(config, owner.folder)
         self._network, self._optimizer, self._done = self._history.load_policy()
+        self._reward_scale = RewardScale(config, self._history.reward_scale(self._done))
         self._evaluations, self._counters = evaluations, counters or Counters()
         self.ended_early = ""
         self._memory = ReplayMemory(config.replay_iterations, config.replay_transitions)  # D
@@ -227,19 +229,18 @@ class Training:
 
     def _take(self, iteration: int, episodes: list[Scored]) -> None:
         """Makes an iteration's episodes the newest data set, and keeps their rewards for who looks at them."""
-        scale = self._config.reward_scale
         self._memory.add(
             [
                 EpisodeData(
                     frames=scored.episode.frames,
                     actions=scored.episode.actions,
-                    rewards=scored.rewards * scale,
+                    rewards=scored.rewards,
                     terminated=scored.episode.meta.terminated,
                 )
                 for scored in episodes
             ]
         )
-        rewards_px = [np.round(data.rewards / scale, 3).tolist() for data in self._memory.newest]
+        rewards_px = [np.round(data.rewards, 3).tolist() for data in self._memory.newest]
         if not self._history.check_rewards(iteration, episodes, rewards_px):
             self._insist("rewards", lambda: self._owner.append_rewards(iteration, rewards_px))
 
@@ -249,6 +250,7 @@ class Training:
             self._memory.episodes,
             frames_stacked=self._config.task_spec.frames_stacked,
             difference=self._config.difference,
+            reward_scale=self._reward_scale.of(self._memory.episodes),
         )
         for given_up in range(1, GIVE_UP_AFTER + 1):
             try:
@@ -288,9 +290,9 @@ class Training:
 
     def _successes(self, episodes: list[Scored]) -> dict[str, int]:
         """How many succeeded, if that is defined."""
-        task, scale = self._config.task_spec, self._config.reward_scale
+        task = self._config.task_spec
         told = [
-            success_of(task, scored.episode.meta, data.rewards / scale)
+            success_of(task, scored.episode.meta, data.rewards)
             for scored, data in zip(episodes, self._memory.newest, strict=True)
         ]
         return {} if share(told) is None else {"successes": sum(map(bool, told))}
@@ -299,8 +301,7 @@ class Training:
         self, iteration: int, episodes: list[Scored], update: UpdateReport, weights: Weights
     ) -> dict[str, float | int | str | list[float]]:
         """The iteration's line in the run folder; docs/metrics.md explains every value."""
-        scale = self._config.reward_scale
-        returns = [float(episode.rewards.sum()) / scale for episode in self._memory.newest]
+        returns = [float(episode.rewards.sum()) for episode in self._memory.newest]
         name = self._config.task_spec.return_metric
         lengths = [scored.episode.steps for scored in episodes]
         metas = [scored.episode.meta for scored in episodes]
@@ -321,6 +322,7 @@ class Training:
             "max_preference": update.max_preference,
             "max_target": update.max_target,
             "scale": update.scale,
+            "reward_scale": self._reward_scale.found,
             "entropy": update.entropy,
             "agreement": update.agreement,
             "saturation": update.saturation,

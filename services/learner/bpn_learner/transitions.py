@@ -19,7 +19,7 @@ class EpisodeData:
     Attributes:
         frames: uint8[T+1, c, rows, columns].
         actions: integers [T].
-        rewards: float[T], scaled.
+        rewards: float[T], unscaled.
         terminated: the task ended the episode, good or bad, not a time limit.
     """
 
@@ -74,13 +74,19 @@ class Transitions:
 
     @classmethod
     def from_episodes(
-        cls, episodes: Sequence[EpisodeData], *, frames_stacked: int, difference: bool = False
+        cls,
+        episodes: Sequence[EpisodeData],
+        *,
+        frames_stacked: int,
+        difference: bool = False,
+        reward_scale: float = 1.0,
     ) -> Self:
         """D from episodes of at least 1 step, in their order.
 
         Args:
             difference: whether what changed since the earlier frames of an observation takes their place
                 (`bpn_shared.spec.observation`); it is then among D's frames, behind those of its episode.
+            reward_scale: factor on rewards.
 
         Raises:
             ValueError: there is no episode, or one's frames are not one more than its actions.
@@ -117,7 +123,7 @@ class Transitions:
                 np.concatenate([e.actions for e in episodes]).astype(np.int64)
             ),
             rewards=torch.from_numpy(
-                np.concatenate([e.rewards for e in episodes]).astype(np.float32)
+                (reward_scale * np.concatenate([e.rewards for e in episodes])).astype(np.float32)
             ),
             done=torch.from_numpy(np.concatenate(done)),
             steps_left=torch.from_numpy(np.concatenate(steps_left)),

@@ -78,7 +78,7 @@ class UpdateConfig:
         """What a run's configuration asks for in an iteration."""
         return cls(
             alpha=config.alpha,
-            beta=config.beta,
+            beta=config.beta_of(iteration),
             gamma=config.gamma,
             epochs=config.epochs,
             batch_size=config.batch_size,

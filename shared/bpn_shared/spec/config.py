@@ -207,6 +207,15 @@ class RunConfig(ExecutionValues, TrainingValues, AlgorithmValues, TaskOptions):
         progress = min(1.0, 2 * iteration / self.iterations)
         return self.epsilon_initial + progress * (self.epsilon_final - self.epsilon_initial)
 
+    def beta_of(self, version: int) -> float:
+        """The inverse temperature with which a weights version plays, and the update that follows it computes.
+
+        From `beta` it rises linearly to `beta_run_final_factor` times that in the last iteration.
+        """
+        last = self.iterations - 1
+        progress = min(version, last) / max(1, last)
+        return self.beta * (1 + progress * (self.beta_run_final_factor - 1))
+
     def learning_rate_share(self, iteration: int) -> float:
         """Of the learning rate, in an iteration: from 1 linearly to `lr_run_final_factor`."""
         progress = iteration / max(1, self.iterations - 1)

@@ -62,6 +62,9 @@ class AlgorithmValues(BaseModel):
 
     alpha: Annotated[float, Field(ge=0, le=1, description="GIO coefficient of CVI")] = 0.95
     beta: Annotated[float, Field(gt=0, le=1e4, description="inverse temperature of CVI")] = 1.0
+    beta_run_final_factor: Annotated[
+        float, Field(ge=1, le=1e3, description="factor on it in the last iteration (linear)")
+    ] = 1.0
     gamma: Annotated[float, Field(ge=0, lt=1, description="discount factor")] = 0.99
     bootstrap_terminals: Annotated[
         bool,
@@ -156,10 +159,21 @@ class TrainingValues(BaseModel):
         float, Field(ge=0, le=1, description="share of it in the last iteration (linear)")
     ] = 0.1
     scale_initial: Annotated[
-        float, Field(gt=0, le=100, description="binary: lambda at the start")
+        float,
+        Field(
+            ge=0,
+            le=100,
+            description="binary: lambda at the start; 0: as the first policy is nearly uniform with",
+        ),
     ] = 0.2
     reward_scale: Annotated[
-        float, Field(gt=0, le=1e3, description="factor on rewards in pixels before learning")
+        float,
+        Field(
+            ge=0,
+            le=1e3,
+            description="factor on rewards before learning; 0: 10 over the range of the first data's returns over "
+            "n_step steps",
+        ),
     ] = 0.1
 
     init_from: Annotated[
@@ -251,7 +265,7 @@ SECTIONS: dict[str, type[BaseModel]] = {
 LEARNED = ("task", "algorithm", "training")
 """The sections that say what is learned."""
 ADDED = {
-    "algorithm": ("n_step", "gap_floor"),
+    "algorithm": ("beta_run_final_factor", "n_step", "gap_floor"),
     "training": ("conv", "replay_transitions", "max_updates"),
 }
 """Values that came later, by section: their defaults are no part of a configuration's hash."""

@@ -27,7 +27,7 @@ NO_DEFAULT = RunConfig.bare(
     replay_iterations=5, alpha=0.4, beta=2.5, gamma=0.7, bootstrap_terminals=False, relative_targets=True,
     epsilon_initial=0.9, epsilon_final=0.2, hidden_units=12, learning_rate=0.02, lr_update_final_factor=0.3,
     lr_run_final_factor=0.5, scale_initial=0.4, reward_scale=0.3, backend="torch", n_step=3, gap_floor=6.0,
-    max_updates=70,
+    max_updates=70, beta_run_final_factor=3.0,
 )  # fmt: skip
 
 
@@ -54,7 +54,7 @@ def regression(steps: int) -> RegressionBatch:
 def test_the_configuration_reaches_the_update_in_every_field() -> None:
     assert UpdateConfig.of_iteration(NO_DEFAULT, 4) == UpdateConfig(
         alpha=0.4,
-        beta=2.5,
+        beta=4.5,  # 2.5, 3 times that in the 11th
         gamma=0.7,
         epochs=4,
         batch_size=6,

@@ -50,6 +50,7 @@ const SECTIONS: { title: string; open: boolean; keys: string[] }[] = [
       'epochs',
       'max_updates',
       'batch_size',
+      'beta_run_final_factor',
       'gamma',
       'n_step',
       'gap_floor',

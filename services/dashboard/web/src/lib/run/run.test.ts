@@ -9,7 +9,7 @@ import {
   step,
   toggle,
 } from './playback';
-import { softmax } from './policy';
+import { betaOf, softmax } from './policy';
 import { linesOf, matches, merge } from './tail';
 
 test('the policy is the softmax of beta P, whatever is added to P', () => {
@@ -18,6 +18,12 @@ test('the policy is the softmax of beta P, whatever is added to P', () => {
   );
   expect(softmax([1000, 1000 + Math.log(3)], 1)[1]).toBeCloseTo(0.75);
   expect(softmax([0, Math.log(3)], 2)[1]).toBeCloseTo(0.9);
+});
+
+test('beta rises on a line to its factor in the last iteration, and stays', () => {
+  const config = { beta: 2, beta_run_final_factor: 3, iterations: 5 };
+  expect([0, 2, 4, 5].map((version) => betaOf(config, version))).toEqual([2, 4, 6, 6]);
+  expect(betaOf({ beta: 2, iterations: 1 }, 1)).toBe(2);
 });
 
 test('playing shows every frame in its time and stops at the last', () => {
