@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Final
 
 VERSION: Final = version("bpn-shared")
-PROTOCOL: Final = 3
+PROTOCOL: Final = 4
 """Of everything that travels between services. It rises when services of before and after cannot work together:
 the registry gives no place to a worker with another one, and says so."""
 

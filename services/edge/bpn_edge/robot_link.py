@@ -29,11 +29,10 @@ class RobotLink:
         self._task = task
         self._on_frame: OnFrame | None = None
         self._taking = threading.Lock()
-        self._reset_key = keys.reset(worker.run, worker.slot)
-        self._actions = LatestPublisher(worker.bus, keys.action(worker.run, worker.slot), "action")
-        self._frames = DirectSubscriber(
-            worker.bus, keys.frame(worker.run, worker.slot), self._receive
-        )
+        place = worker.run, worker.slot, worker.site
+        self._reset_key = keys.reset(*place)
+        self._actions = LatestPublisher(worker.bus, keys.action(*place), "action")
+        self._frames = DirectSubscriber(worker.bus, keys.frame(*place), self._receive)
 
     def listen(self, on_frame: OnFrame | None) -> None:
         """From now on frames go to `on_frame`, on the network thread; None: they go nowhere.

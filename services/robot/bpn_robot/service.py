@@ -62,16 +62,17 @@ class RobotService:
         """Of this episode's actions, from their arrival until they act."""
         self._in_flight: deque[Answer] = deque()
         """Realtime: arrived, and yet to act."""
-        self._frames = LatestPublisher(worker.bus, keys.frame(worker.run, worker.slot), "frame")
+        place = worker.run, worker.slot, worker.site
+        self._frames = LatestPublisher(worker.bus, keys.frame(*place), "frame")
         self._previews = SampledPublisher(
             worker.bus,
-            keys.preview(worker.run, worker.slot),
+            keys.preview(*place),
             _PREVIEW_HZ,
             _preview,
             worker.counters,
         )
         self._seen: deque[bytes] = deque(maxlen=self._task.frames_stacked)
-        self._actions = LatestSubscriber(worker.bus, keys.action(worker.run, worker.slot))
+        self._actions = LatestSubscriber(worker.bus, keys.action(*place))
         self._lock = threading.Lock()
         self._current: Reset | None = None
         self._pending: Reset | None = None
@@ -79,9 +80,7 @@ class RobotService:
         self._step = 0
         """That is under way in this episode, 1..T; 0: the reset."""
         self._faults = FaultReporter(worker)
-        self._resets = Responder(
-            worker.bus, keys.reset(worker.run, worker.slot), self._on_reset, worker.counters
-        )
+        self._resets = Responder(worker.bus, keys.reset(*place), self._on_reset, worker.counters)
 
     def run(self) -> None:
         """Serves until the worker is stopped."""
