@@ -141,8 +141,9 @@ def channels(site: str = ANY, own: str = ANY) -> tuple[Channel, ...]:
         Channel(keys.live("edge", ANY), "token", takers=("learner",)),
         Channel(keys.live(ANY, ANY), "token", takers=("dashboard",)),
         # Who works where
-        Channel(keys.lease_request(site), "request", WORKERS, ("dashboard",)),
-        Channel(keys.LEASE_REQUEST_OF_EARLIER, "request", WORKERS, ("dashboard",)),
+        Channel(keys.lease_request(site), "request", WORKERS),
+        Channel(keys.LEASE_REQUEST_OF_EARLIER, "request", WORKERS),
+        Channel(keys.LEASE_REQUESTS, "request", takers=("dashboard",)),
         Channel(keys.serving(ANY, ANY, ANY), "token", ("dashboard",), ("dashboard",)),
         *(Channel(keys.lease(ANY, role, ANY, own), "token", (role,)) for role in WORKERS),
         Channel(keys.lease(ANY, ANY, ANY, ANY), "token", takers=("dashboard",)),
