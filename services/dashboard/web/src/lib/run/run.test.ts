@@ -9,7 +9,7 @@ import {
   step,
   toggle,
 } from './playback';
-import { softmax } from './policy';
+import { actionName, choicesOf, outputsTaken, softmax, softmaxOfEach } from './policy';
 import { linesOf, matches, merge } from './tail';
 
 test('the policy is the softmax of beta P, whatever is added to P', () => {
@@ -18,6 +18,24 @@ test('the policy is the softmax of beta P, whatever is added to P', () => {
   );
   expect(softmax([1000, 1000 + Math.log(3)], 1)[1]).toBeCloseTo(0.75);
   expect(softmax([0, Math.log(3)], 2)[1]).toBeCloseTo(0.9);
+});
+
+test('an action of several dimensions is one choice in each, and each has a softmax of its own', () => {
+  const dims = [3, 2, 4];
+  for (let action = 0; action < 24; action += 1) {
+    const [a, b, c] = choicesOf(action, dims) as [number, number, number];
+    expect(a * 8 + b * 4 + c).toBe(action);
+    expect(outputsTaken(action, dims)).toEqual([a, 3 + b, 5 + c]);
+  }
+  expect(choicesOf(3 ** 20 * 4 - 1, [...Array<number>(20).fill(3), 4])).toEqual([
+    ...Array<number>(20).fill(2),
+    3,
+  ]);
+  const shares = softmaxOfEach([0, 0, Math.log(2), 5, 5], 1, [3, 2]);
+  expect(shares).toEqual([0.25, 0.25, 0.5, 0.5, 0.5].map((p) => expect.closeTo(p)));
+  expect(softmaxOfEach([1, 2, 3], 2, [3])).toEqual(softmax([1, 2, 3], 2));
+  expect(actionName(5, ['left', 'right', 'up', 'stay', 'down'], [2, 3])).toBe('right, down');
+  expect(actionName(1, [], [2])).toBe('action 1');
 });
 
 test('playing shows every frame in its time and stops at the last', () => {
