@@ -21,6 +21,7 @@ from bpn_dashboard.api import (
     sweeps,
     system,
     trash,
+    watch,
 )
 from bpn_dashboard.api.context import Context, Viewer
 from bpn_dashboard.api.openapi import describe
@@ -72,7 +73,7 @@ def create_app(
     )
     app.state.context = context
     problems.install(app)
-    for module in (session, runs, trash, sweeps, series, artefacts, episodes, logs, system):
+    for module in (session, runs, trash, sweeps, series, artefacts, episodes, logs, system, watch):
         app.include_router(module.router, prefix=PREFIX)
 
     @app.get(f"{PREFIX}/openapi.json", operation_id="getOpenApi", tags=["system"])
