@@ -122,7 +122,7 @@ def test_behind_a_machines_router_everything_works_that_its_workers_need(
             keys.weights(RUN), zenoh.handlers.Callback(direct, indirect=False)
         ),
         dashboard.zenoh.liveliness().declare_subscriber(
-            keys.live("*", "*"), zenoh.handlers.Callback(direct, indirect=False)
+            keys.live("*", "*"), zenoh.handlers.Callback(direct, indirect=False), history=True
         ),
         machine_bus.zenoh.liveliness().declare_token(keys.live("edge", worker)),
     ]
