@@ -151,7 +151,7 @@ dist: $(BUILDER)/.installed ## source distributions and wheels of everything int
 	deploy/dist.sh $(BUILDER)/bin/python $(filter-out $(PYTHON),$(PYTHONS))
 
 test-dist: dist $(DEV) ## the wheels in clean environments of all PYTHONS, without compiler and Node: `bpn up` in an empty folder
-	BPN_DIST=1 BPN_PYTHONS="$(PYTHONS)" $(BIN)/pytest tests/dist
+	BPN_PYTHONS="$(PYTHONS)" $(BIN)/pytest tests/packages
 
 # Its packages are none of ours, and read the sources without importing them.
 DOCS := $(VENV)/docs

@@ -20,10 +20,12 @@ import numpy as np
 
 from bpn_edge import kernel as kernels
 from bpn_edge.policy import epsilon_greedy_action, softmax_action, softmax_weights
+from bpn_learner.augmentation import seen_again
 from bpn_learner.factory import initial_policy
 from bpn_learner.networks import PNetwork
 from bpn_learner.reward import function_of
-from bpn_learner.transitions import EpisodeData, Transitions
+from bpn_learner.reward_scale import RewardScale
+from bpn_learner.transitions import EpisodeData, data_of
 from bpn_learner.update import UpdateConfig, policy_update
 from bpn_robot.robot import Robot
 from bpn_robot.robots import make_robot
@@ -107,10 +109,8 @@ def reestimated(
         replace(e, frames=np.stack([camera.picture(f, t) for t, f in enumerate(e.frames)]))
         for e, camera in zip(D, cameras, strict=True)
     ]
-    seen = Transitions.from_episodes(
-        disturbed, frames_stacked=config.task_spec.frames_stacked, difference=config.difference
-    )
-    again.finish_update(lambda: seen.gather(seen.observations))
+    seen = data_of(config, disturbed)
+    again.finish_update(lambda: [seen.gather(seen.observations)])
     return again.export()
 
 
@@ -120,6 +120,7 @@ def iterations(
     """What each iteration came to, and at the end what the policy does under disturbances."""
     network, optimizer = initial_policy(config)
     player = Player(config)
+    reward_scale = RewardScale(config)
     data: deque[list[EpisodeData]] = deque(maxlen=config.replay_iterations)
     player.load(network.export())
     for i in range(config.iterations):
@@ -130,20 +131,15 @@ def iterations(
             for e in range(config.episodes)
         ]
         greedy = [player.play(GREEDY_SEED + k, 0.0, greedy=True) for k in range(trials)]
-        data.append(
-            [
-                EpisodeData(e.frames, e.actions, e.rewards * config.reward_scale, e.terminated)
-                for e in episodes
-            ]
-        )
-        D = Transitions.from_episodes(
-            [e for held in data for e in held],
-            frames_stacked=config.task_spec.frames_stacked,
-            difference=config.difference,
-        )
+        data.append(episodes)
+        newest = [e for held in data for e in held]
+        D = data_of(config, newest, reward_scale.of(newest))
+        again = None
+        if augmented := parse(config.augment):
+            again = data_of(config, seen_again(newest, augmented, config.seed, i))
         report = policy_update(
             network, optimizer, D, UpdateConfig.of_iteration(config, i),
-            shuffle_generator(config.seed, i),
+            shuffle_generator(config.seed, i), again=again,
         )  # fmt: skip
         weights = network.export()
         player.load(weights)

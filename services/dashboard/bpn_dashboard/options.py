@@ -1,6 +1,7 @@
 """The options of `bpn-dashboard`, and which combinations are refused."""
 
 import argparse
+import re
 import ssl
 from pathlib import Path
 from urllib.parse import urlsplit
@@ -138,10 +139,10 @@ def check_options(options: argparse.Namespace) -> None:
     check_endpoint(options.connect)
     client_tls(options.connect)  # the router's, which would be missed much later
     secure = options.certificate is not None or options.insecure_http
-    if options.public_url is not None and not _is_origin(options.public_url):
+    if options.public_url is not None and not _is_public_url(options.public_url):
         raise ConfigError(
-            f"--public-url {options.public_url}: must be scheme, name and port, such as "
-            "http://localhost:8000"
+            f"--public-url {options.public_url}: must be scheme, name and port, such as http://localhost:8000, and "
+            "where a proxy has it below a path that path without a slash at its end"
         )
     if not is_loopback(options.host) and not secure:
         raise ConfigError(
@@ -150,15 +151,20 @@ def check_options(options: argparse.Namespace) -> None:
         )
 
 
-def _is_origin(url: str) -> bool:
-    """Whether it is scheme and authority, and nothing else."""
+_PATH = re.compile(r"(/[A-Za-z0-9._~-]+)*")
+
+
+def _is_public_url(url: str) -> bool:
+    """Whether it is scheme and authority, with a plain path or without one, and nothing else."""
     try:
         parts = urlsplit(url)
         return (
             parts.port != 0
             and bool(parts.hostname)
             and parts.username is None
-            and url in {f"{scheme}://{parts.netloc}" for scheme in ("http", "https")}
+            and url in {f"{scheme}://{parts.netloc}{parts.path}" for scheme in ("http", "https")}
+            and _PATH.fullmatch(parts.path) is not None
+            and not {".", ".."} & set(parts.path.split("/"))
         )
     except ValueError:  # its port is no number
         return False

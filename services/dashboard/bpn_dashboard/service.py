@@ -119,10 +119,11 @@ def build(
         return None if identity is None else identity.owner
 
     routes = [live_route(lambda: live.hub, may_watch)]
-    hosts = [options.host, *options.allow_host]
-    if options.public_url is not None:
-        hosts.append(str(urlsplit(options.public_url).hostname))
-    return create_app(context, hosts=hosts, lifespan=lifespan, routers=routes), context
+    hosts, public = [options.host, *options.allow_host], urlsplit(options.public_url or "")
+    if public.hostname:
+        hosts.append(public.hostname)
+    app = create_app(context, hosts=hosts, prefix=public.path, lifespan=lifespan, routers=routes)
+    return app, context
 
 
 def main(argv: list[str] | None = None) -> int:

@@ -7,6 +7,7 @@ from bpn_shared.bnn.outputs import Outputs
 from bpn_shared.messages.control import Assignment
 from bpn_shared.messages.episode import Episode, EpisodeMeta
 from bpn_shared.messages.frame import FrameHeader, FrameKind
+from bpn_shared.spec.joint_actions import all_parted
 from bpn_shared.spec.observation import stack
 from bpn_shared.spec.tasks import TaskSpec
 
@@ -80,6 +81,8 @@ class EpisodeRecorder:
     ) -> Episode:
         """The episode, once the last frame was added. Actions are those that the robot applied."""
         later, last = self._headers[1:], self._headers[-1]
+        dims = self._task.dims
+        actions = all_parted(np.array([header.applied_action for header in later], np.int64), dims)
         return Episode(
             meta=EpisodeMeta(
                 iteration=assignment.iteration,
@@ -95,7 +98,7 @@ class EpisodeRecorder:
                 duration_ns=self._received_ns[-1] - self._received_ns[0],
             ),
             frames=np.stack(self._frames),
-            actions=np.array([header.applied_action for header in later], np.uint8),
+            actions=(actions if len(dims) > 1 else actions[:, 0]).astype(np.uint8),
             rewards=np.array([header.reward for header in later], np.float64),
             outputs=np.stack(self._outputs),
             inference_ns=np.array(self._inference_ns, np.uint32),

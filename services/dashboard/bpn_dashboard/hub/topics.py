@@ -42,7 +42,7 @@ class Delivery:
 
 DELIVERY: dict[Kind, Delivery] = {
     "camera": Delivery(kept=1, rate_hz=30),
-    "actions": Delivery(kept=1, rate_hz=20),
+    "actions": Delivery(kept=1, rate_hz=20, linger_s=60),  # who comes back sees the last decision
     "metrics": Delivery(kept=1000, rate_hz=5, linger_s=60),
     "logs": Delivery(kept=2000, rate_hz=5, linger_s=60),
     "runs": Delivery(kept=1000, rate_hz=5),
