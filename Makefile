@@ -190,7 +190,7 @@ bench: $(DEV) ## kernel, learner, loop and dashboard, side by side with what the
 bench-sweep: $(DEV) ## a sweep with one learner and with two, in containers (any Docker Engine)
 	PYTHONPATH=tests/support $(BIN)/python bench/sweep.py
 
-TARGETS := inference reaching latency tracking pan-tilt heatmap
+TARGETS := inference averaging reaching latency tracking pan-tilt heatmap
 JOBS ?= 1
 
 reproduce: $(DEV) ## every figure and table of the paper into docs/results: days on two cores, resumable
