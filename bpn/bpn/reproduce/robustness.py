@@ -31,7 +31,7 @@ def plan(scope: Scope) -> list[RunConfig]:
     """Every algorithm, trained without disturbances and with them."""
     return [
         scope.config(TASK, algorithm=algorithm, seed=seed, disturb=disturb)
-        for seed in range(scope.seeds)
+        for seed in scope.each_seed
         for algorithm in (scope.algorithms[:1] if scope.quick else scope.algorithms)
         for disturb in ("", TRAINED_FOR)
     ]

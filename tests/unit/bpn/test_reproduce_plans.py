@@ -85,6 +85,15 @@ def test_iterations_are_the_presets_unless_given() -> None:
         assert 7 not in {config.iterations for config in plan(name)}
 
 
+@pytest.mark.parametrize("name", ["reaching", "tracking", "heatmap", "pan-tilt", "robustness"])
+def test_seeds_begin_where_they_are_told(name: str) -> None:
+    target = TARGETS[name]
+    configs = target.plan(Scope(2, target.algorithms, first_seed=20))
+    assert {config.seed for config in configs} == {20, 21}
+    known = {config_hash(config) for config in plan(name)}
+    assert known.isdisjoint(config_hash(config) for config in configs)
+
+
 def test_fewer_algorithms_are_fewer_runs() -> None:
     configs = TARGETS["tracking"].plan(Scope(2, ("cvi",)))
     assert [(config.algorithm, config.seed) for config in configs] == [("cvi", 0), ("cvi", 1)]
