@@ -28,6 +28,7 @@ NAMES = (
     "latency",
     "cartpole",
     "robustness",
+    "robustness-pan-tilt",
 )
 
 
