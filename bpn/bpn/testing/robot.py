@@ -94,9 +94,9 @@ def _some_actions(dims: Sequence[int], steps: int, seed: int) -> list[int]:
     """Each choice of each dimension in one of them at least, then others at random."""
     rng = np.random.default_rng(seed)
     most, count = max(dims), math.prod(dims)
+    others = rng.integers(count, size=max(0, steps - most))
     orders = [np.resize(rng.permutation(n), most).tolist() for n in dims]
     each = [joined(choices, dims) for choices in zip(*orders, strict=True)]
-    others = rng.integers(count, size=max(0, steps - most))
     return [*each, *others.tolist()]
 
 

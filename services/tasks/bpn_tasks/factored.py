@@ -12,7 +12,7 @@ from bpn_tasks.markers import ARM_HAND_RADIUS_PX, REACHING_TARGET_RADIUS_PX
 
 REACHING_TURNS_DEG = (-90, -45, -30, 0, 30, 45, 90)
 PAN_TILT_TURNS_DEG = (-4, -2, 0, 2, 4)
-ARM_TURNS_DEG = (-60, -30, -10, 0, 10, 30, 60)
+ARM_TURNS_DEG = (-30, -15, -5, 0, 5, 15, 30)
 ARM_JOINTS = 4
 
 
