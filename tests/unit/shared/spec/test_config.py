@@ -360,3 +360,16 @@ def test_options_of_an_algorithm_that_no_file_could_hold_are_refused(
     with pytest.raises(ConfigError, match="algorithm_options") as refused:
         RunConfig.for_task("reaching", algorithm_options=given)
     assert message in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("period_s", "pacing", "expected_s"),
+    [(0.145, "realtime", 1), (0.4, "realtime", 2), (60, "realtime", 300), (60, "lockstep", 1)],
+)
+def test_robot_and_edge_may_be_silent_for_some_control_periods(
+    period_s: float, pacing: str, expected_s: float
+) -> None:
+    config = RunConfig.for_task("reaching", pacing=pacing)
+    task = config.task_spec.model_copy(update={"control_period_s": period_s})
+    slow = config.model_copy(update={"task_spec": task})
+    assert slow.longest_silence_s == pytest.approx(expected_s)
