@@ -118,9 +118,9 @@ def new_key() -> ec.EllipticCurvePrivateKey:
     return ec.generate_private_key(ec.SECP256R1())
 
 
-def signing_request(key: ec.EllipticCurvePrivateKey, name: str) -> bytes:
-    """Asks for a certificate (PEM); the key itself stays where it is."""
-    builder = x509.CertificateSigningRequestBuilder().subject_name(_common_name(name))
+def signing_request(key: ec.EllipticCurvePrivateKey) -> bytes:
+    """Asks for a certificate (PEM), whose name is for the authority to say; the key itself stays where it is."""
+    builder = x509.CertificateSigningRequestBuilder().subject_name(x509.Name([]))
     return builder.sign(key, hashes.SHA256()).public_bytes(serialization.Encoding.PEM)
 
 

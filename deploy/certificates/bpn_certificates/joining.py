@@ -88,7 +88,7 @@ class Machine(NamedTuple):
             UnreachableError, OSError: later perhaps.
         """
         key = _private(self.files.key)
-        body = {"request": signing_request(key, self.identity.machine).decode()}
+        body = {"request": signing_request(key).decode()}
         context = _trusting(self.files.authority.read_text())
         context.load_cert_chain(self.files.certificate, self.files.key)
         answer = _ask(self.host, self.enrolment_port, RENEWALS_PATH, body, context)
@@ -119,7 +119,7 @@ def join(token: Token, name: str, state: Path) -> Machine:
             body = {
                 "secret": base64.b64encode(token.secret).decode(),
                 "name": name,
-                "request": signing_request(key, name).decode(),
+                "request": signing_request(key).decode(),
             }
             answer = _ask(host, token.port, MACHINES_PATH, body, context)
         except UnreachableError as error:
@@ -221,9 +221,7 @@ def _ask(
         connection.request("GET" if data is None else "POST", path, data)
         answer = connection.getresponse()
         content = json.loads(answer.read(_MAX_ANSWER_BYTES))
-        if answer.status >= http.client.BAD_REQUEST:
-            raise InputError(f"{host} refuses this machine: {content['error']}")
-        return dict(content)
+        refusal = content["error"] if answer.status >= http.client.BAD_REQUEST else None
     except ssl.SSLCertVerificationError as error:
         raise InputError(f"{host} port {port} cannot be trusted: {error.verify_message}") from error
     except (socket.gaierror, OSError, http.client.HTTPException) as error:
@@ -232,3 +230,6 @@ def _ask(
         raise InputError(f"{host} port {port} is no place to join: it answers otherwise") from error
     finally:
         connection.close()
+    if refusal is not None:
+        raise InputError(f"{host} refuses this machine: {refusal}")
+    return dict(content)
