@@ -70,7 +70,7 @@ def test_the_page_followed_to_the_letter_joins_a_robot_and_finishes_a_run(
             wait_for(lambda: "this machine is" in joined.text(), "the machine to have joined", 60)
             done = center.run(typed(here[1]), 300)
             assert done.returncode == 0, done.stderr + joined.text()
-            frames = 4 * 4 * 20 * 84 * 84  # of that run
+            frames = 2 * 2 * 20 * 84 * 84  # of that run
             assert robot.sent_bytes() < frames / 3
         # A token is good once; a machine that has joined goes on without one.
         refused = robot.run(typed(f"{printed[0]} --state-dir other"), 60)

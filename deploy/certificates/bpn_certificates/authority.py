@@ -154,6 +154,12 @@ def is_issued_by(certificate: x509.Certificate, authority: x509.Certificate) -> 
     return True
 
 
+def common_name(certificate: x509.Certificate) -> str:
+    """Whom a certificate names."""
+    names = certificate.subject.get_attributes_for_oid(NameOID.COMMON_NAME)
+    return str(names[0].value) if names else ""
+
+
 def server_names(certificate: x509.Certificate) -> set[str]:
     """The DNS names and IP addresses of a server's certificate; none for a client's."""
     try:
