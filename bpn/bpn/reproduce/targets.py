@@ -1,5 +1,6 @@
 """All targets of `bpn reproduce`."""
 
+from bpn.reproduce.averaging import AVERAGING
 from bpn.reproduce.cartpole import CARTPOLE
 from bpn.reproduce.definition import Target
 from bpn.reproduce.heatmap import HEATMAP
@@ -11,5 +12,15 @@ from bpn.reproduce.robustness import ROBUSTNESS
 
 TARGETS: dict[str, Target] = {
     target.name: target
-    for target in (REACHING, TRACKING, HEATMAP, PAN_TILT, INFERENCE, LATENCY, CARTPOLE, ROBUSTNESS)
+    for target in (
+        REACHING,
+        TRACKING,
+        HEATMAP,
+        PAN_TILT,
+        INFERENCE,
+        LATENCY,
+        AVERAGING,
+        CARTPOLE,
+        ROBUSTNESS,
+    )
 }

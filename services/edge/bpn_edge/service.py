@@ -38,11 +38,14 @@ def longest_silence_s(task: TaskSpec, pacing: Pacing) -> float:
     return max(_LEAST_SILENCE_S, periods_s)
 
 
-def serve(worker: Worker, config: RunConfig, kernels: Sequence[str] = ()) -> int:
+def serve(
+    worker: Worker, config: RunConfig, kernels: Sequence[str] = (), *, past_router: bool = True
+) -> int:
     """Plays what the learner assigns, until there is no more or the worker is stopped.
 
     Args:
         kernels: what this edge was set up with.
+        past_router: see `RobotLink`.
 
     Raises:
         ConfigError: the run asks for another kernel, or for a selection that is not installed here.
@@ -63,11 +66,14 @@ def serve(worker: Worker, config: RunConfig, kernels: Sequence[str] = ()) -> int
         held=lambda: memory.rank,
         kind=config.algorithm_spec.network,
     )
-    with closing(DecisionFeed(worker)) as feed:
+    with (
+        closing(DecisionFeed(worker)) as feed,
+        RobotLink(worker, task, past_router=past_router) as link,
+    ):
         driver = EpisodeDriver(
             worker,
             config,
-            RobotLink(worker, task),
+            link,
             memory,
             feed,
             silence_s=longest_silence_s(task, config.pacing),
@@ -125,6 +131,11 @@ def main(argv: list[str] | None = None) -> int:
     """The edge service."""
     parser = slot_parser("edge", __doc__)
     add_kernel(parser)
+    parser.add_argument(
+        "--by-router",
+        action="store_true",
+        help="send everything through the router, even where the robot is on the same machine",
+    )
     options = slot_options(parser, argv)
     try:
         kernels = kernels_here(options.kernel)
@@ -136,4 +147,5 @@ def main(argv: list[str] | None = None) -> int:
             plugins.SELECTIONS.name: plugins.names(plugins.SELECTIONS),
         }
     )
-    return run_slot_worker("edge", options, partial(serve, kernels=kernels), abilities=abilities)
+    play = partial(serve, kernels=kernels, past_router=not options.by_router)
+    return run_slot_worker("edge", options, play, abilities=abilities)

@@ -5,7 +5,7 @@ from typing import Protocol
 from bpn_robot.frame import Frame
 from bpn_shared.spec.tasks import TaskSpec
 
-Info = dict[str, tuple[float, float]]
+Info = dict[str, tuple[float, ...]]
 
 
 class RobotFault(RuntimeError):  # noqa: N818 - what the bus calls it too
@@ -47,6 +47,10 @@ class Robot(Protocol):
     def command(self, action: int) -> None:
         """Gives the servos a new goal; nothing moves yet.
 
+        Args:
+            action: its number; where the task's actions have several dimensions, `task.choices` says what is chosen
+                in each.
+
         Raises:
             ValueError: the task has no such action.
         """
@@ -74,10 +78,10 @@ def check_action(task: TaskSpec, action: int) -> int:
     """The action as an int.
 
     Raises:
-        ValueError: it is outside 0..|A|-1.
+        ValueError: the task has no such action.
     """
-    if not 0 <= action < task.actions:
+    if not 0 <= action < task.joint_actions:
         raise ValueError(
-            f"action = {action} is outside 0..{task.actions - 1}, the actions of {task.name!r}"
+            f"action = {action} is outside 0..{task.joint_actions - 1}, the actions of {task.name!r}"
         )
     return int(action)

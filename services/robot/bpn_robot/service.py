@@ -15,11 +15,12 @@ from math import isqrt
 
 import numpy as np
 
+from bpn_robot.edge_link import EdgeLink
 from bpn_robot.frame import is_flat
 from bpn_robot.robot import Robot, RobotFault
 from bpn_robot.robots import make_robot
 from bpn_shared.bus import keys
-from bpn_shared.bus.latest import LatestPublisher, LatestSubscriber, Sample
+from bpn_shared.bus.latest import Sample
 from bpn_shared.bus.requests import Responder
 from bpn_shared.bus.sampled import SampledPublisher
 from bpn_shared.messages.action import Action
@@ -62,8 +63,8 @@ class RobotService:
         """Of this episode's actions, from their arrival until they act."""
         self._in_flight: deque[Answer] = deque()
         """Realtime: arrived, and yet to act."""
+        self._edge = EdgeLink(worker)
         place = worker.run, worker.slot, worker.site
-        self._frames = LatestPublisher(worker.bus, keys.frame(*place), "frame")
         self._previews = SampledPublisher(
             worker.bus,
             keys.preview(*place),
@@ -72,7 +73,6 @@ class RobotService:
             worker.counters,
         )
         self._seen: deque[bytes] = deque(maxlen=self._task.frames_stacked)
-        self._actions = LatestSubscriber(worker.bus, keys.action(*place))
         self._lock = threading.Lock()
         self._current: Reset | None = None
         self._pending: Reset | None = None
@@ -88,7 +88,7 @@ class RobotService:
             reset = self._take_reset()
             if reset is None:
                 self._worker.waiting.set("an edge to begin an episode")
-                self._actions.take(_RESEND_S)
+                self._edge.take(_RESEND_S)
                 continue
             self._worker.waiting.done()
             self._play(reset)
@@ -113,17 +113,19 @@ class RobotService:
             self._current, self._repeat = None, False  # asked for again, it is begun again
 
     def close(self) -> None:
-        """Stops showing what the robot's camera sees."""
+        """Shows nobody any more what the robot's camera sees."""
         self._previews.close()
+        self._edge.close()
 
     def _on_reset(self, body: bytes) -> bytes:
         reset = Reset.decode(body)
         with self._lock:
             if self._current is not None and reset.reset_id == self._current.reset_id:
                 self._repeat = True  # asked again: the frame may have been lost, so send it again
+                self._edge.doubt()
             else:
                 self._pending = reset
-        self._actions.wake()
+        self._edge.wake()
         return ResetReply(reset_id=reset.reset_id).encode()
 
     def _take_reset(self) -> Reset | None:
@@ -238,7 +240,7 @@ class RobotService:
         while not self._ends_now():
             self._send(header, pixels)
             self._repeat = False
-            self._actions.take(_RESEND_S)
+            self._edge.take(_RESEND_S)
 
     def _receive(
         self, header: FrameHeader, deadline_s: float, interrupted: Callable[[], bool]
@@ -247,8 +249,9 @@ class RobotService:
         while not interrupted():
             remaining_s = deadline_s - time.monotonic()
             if remaining_s <= 0:
+                self._edge.doubt()
                 return None
-            sample = self._actions.take(remaining_s)
+            sample = self._edge.take(remaining_s)
             if sample is None:
                 continue
             answer = self._decode(sample, header)
@@ -258,18 +261,19 @@ class RobotService:
 
     def _decode(self, sample: Sample, header: FrameHeader) -> Answer | None:
         try:
-            action = Action.decode(sample.payload, self._task.actions)
+            action = Action.decode(sample.payload, self._task.joint_actions)
         except MessageError as error:
             self._worker.counters.refuse("actions_refused", str(error))
             return None
         if (action.reset_id, action.step) != (header.reset_id, header.step):
             self._worker.counters.add("actions_for_other_frames")
             return None
+        self._edge.answered(sample)
         t_act_ns = sample.t_receive_ns + self._delays_ns[header.step]
         return Answer(action.action, header.t_capture_ns, t_act_ns)
 
     def _send(self, header: FrameHeader, pixels: bytes) -> None:
-        self._frames.put(pixels, header.encode())
+        self._edge.send(header.encode(), pixels)
         if self._previews.has_subscribers:
             self._previews.publish_latest((header, self._observed()))
 

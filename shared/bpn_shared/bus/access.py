@@ -112,6 +112,7 @@ def channels(site: str = ANY, own: str = ANY) -> tuple[Channel, ...]:
         Channel(keys.frame(ANY, ANY, site), "stream", ("robot_sim",), ("edge",), MAX_PIXEL_BYTES),
         Channel(keys.action(ANY, ANY, site), "stream", ("edge",), ("robot_sim",)),
         Channel(keys.reset(ANY, ANY, site), "request", ("edge",), ("robot_sim",)),
+        Channel(keys.local_link(ANY, ANY, site, ANY), "token", ("robot_sim",), ("edge",)),
         Channel(keys.config(ANY), "request", ("edge", "robot_sim", "learner"), ("learner",)),
         Channel(keys.rendezvous(ANY), "request", ("learner",), ("learner",)),
         Channel(keys.next_episode(ANY), "request", ("edge",), ("learner",)),

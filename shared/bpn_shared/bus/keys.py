@@ -26,6 +26,11 @@ def reset(run: Run, slot: Slot, site: str = MAIN_SITE) -> str:
     return f"bpn/{run}/robot/{site}/{slot}/reset"
 
 
+def local_link(run: Run, slot: Slot, site: str, name: str) -> str:
+    """Liveliness token of a robot: at which Unix socket an edge on its machine reaches it past the router."""
+    return f"bpn/{run}/robot/{site}/{slot}/local/{name}"
+
+
 def preview(run: Run, slot: Slot, site: str = MAIN_SITE) -> str:
     """What the network of this slot sees, for who watches."""
     return f"bpn/{run}/robot/{site}/{slot}/preview"

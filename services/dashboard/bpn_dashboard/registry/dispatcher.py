@@ -16,6 +16,7 @@ from bpn_dashboard.registry.leases import Place
 from bpn_dashboard.registry.observations import Changes
 from bpn_dashboard.registry.observer import Observer
 from bpn_dashboard.registry.query import RunFilter
+from bpn_dashboard.registry.queue import queue_order
 from bpn_dashboard.registry.releases import Releases
 from bpn_dashboard.registry.stalls import Stalls
 from bpn_dashboard.registry.states import is_busy
@@ -243,7 +244,7 @@ class Dispatcher:
             row for row in self._rows.values()
             if row.desired_state == "running" and row.archived_at is None
         ]  # fmt: skip
-        self.desk.demand(sorted(wanted, key=lambda row: (row.created_at, row.id)))
+        self.desk.demand(sorted(wanted, key=queue_order))
 
     def _observe_stalls(self, now_s: float) -> None:
         self.stalls.read()
