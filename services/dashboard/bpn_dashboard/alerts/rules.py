@@ -52,13 +52,16 @@ def of_runs(rows: Iterable[RunRow], now_s: float) -> Iterator[Trouble]:
 
 def of_robots(nodes: Iterable[Node], rows: Iterable[RunRow]) -> Iterator[Trouble]:
     """Of robots of runs that shall go on, of which nothing is heard."""
-    wanted = {row.id: row for row in rows if row.desired_state == "running" and row.state == "running"}
+    wanted = {
+        row.id: row for row in rows if row.desired_state == "running" and row.state == "running"
+    }
     for node in nodes:
         row = wanted.get(node.run or "")
         if row is None or not node.kind.startswith("robot") or node.state == "live":
             continue
         if node.age_s is not None and node.age_s >= STALE_AFTER_S:
-            text = f"robot {node.slot} of {row.name} says nothing for {node.age_s:.0f} s ({node.id} on {node.host})"
+            where = f"{node.id} on {node.host}"
+            text = f"robot {node.slot} of {row.name} says nothing for {node.age_s:.0f} s ({where})"
             yield Trouble("robot_stale", node.id, row.id, text)
 
 
@@ -85,7 +88,9 @@ def of_returns(row: RunRow, returns: npt.NDArray[np.float64]) -> Trouble | None:
         return None
     best = "?" if row.return_best is None else f"{row.return_best:.4g}"
     now = "?" if row.return_mean_last_5 is None else f"{row.return_mean_last_5:.4g}"
-    text = f"{row.name}: the return fell to {now} (mean of the last 5), the best iteration had {best}"
+    text = (
+        f"{row.name}: the return fell to {now} (mean of the last 5), the best iteration had {best}"
+    )
     return Trouble("return_fell", row.id, row.id, text)
 
 

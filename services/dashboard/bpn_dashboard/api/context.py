@@ -81,7 +81,7 @@ class Context:
         self.tokens = Tokens(self.database)
         self.cursors = Cursors(secret_key(self.database, "cursors"))
         self.series = SeriesQueries(self.database)
-        self.samples = Samples(self.database, lambda: self.topology())
+        self.samples = Samples(self.database, self.topology)
         self._instance = secret_key(self.database, "instance")[:4].hex()
 
     @property
