@@ -17,7 +17,8 @@ from bpn_dashboard.api.groups import Group, group_runs
 from bpn_dashboard.api.models import MAX_IDS, MetricName, RunId
 from bpn_dashboard.api.problems import ApiError, responses
 from bpn_dashboard.database.tables import RunRow
-from bpn_dashboard.series.query import Axis, Series, View
+from bpn_dashboard.series.axes import Axis
+from bpn_dashboard.series.query import Series, View
 from bpn_dashboard.series.statistics import Band, Statistic
 
 router = APIRouter(tags=["series"])

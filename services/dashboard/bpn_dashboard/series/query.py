@@ -121,7 +121,7 @@ class SeriesQueries:
         rows = [found[run, metric] for run in sorted(seeds) if (run, metric) in found]
         names = METRICS[view.axis]
         axes = [
-            found[key] for row in rows for name in names if (key := (row.run_id, name)) in found
+            found[row.run_id, name] for row in rows for name in names if (row.run_id, name) in found
         ]
         key = metric, view, tuple((row.id, row.revision) for row in (*rows, *axes))
         with self._lock:

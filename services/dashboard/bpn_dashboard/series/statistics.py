@@ -53,7 +53,7 @@ class Curve:
     @property
     def size_bytes(self) -> int:
         """Of its columns, and about what the rest takes."""
-        return sum(getattr(self, field.name).nbytes for field in fields(self)) + _REST_BYTES
+        return sum(int(getattr(self, field.name).nbytes) for field in fields(self)) + _REST_BYTES
 
 
 def summarize(
