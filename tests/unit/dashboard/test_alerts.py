@@ -55,8 +55,8 @@ def test_a_return_that_never_rose_or_is_not_known_yet_did_not_fall() -> None:
 def test_a_trouble_is_told_when_it_begins_and_when_it_comes_back() -> None:
     trouble = Trouble("failed", "run", "run", "it failed")
     other = Trouble("stalled", "run", "run", "it stands")
-    standing = Standing()
-    assert standing.news([trouble]) == []  # of before we looked
+    standing = Standing([("failed", "run"), ("stalled", "another")])
+    assert standing.news([trouble]) == []  # told in an earlier life
     assert standing.news([trouble, other]) == [other]
     assert standing.news([trouble, other]) == []
     assert standing.news([]) == []
@@ -146,6 +146,26 @@ def test_who_does_not_serve_tells_nothing(database: Database, store: RunStore, c
     listed = client.get("/api/v1/alerts").json()
     assert [(item["kind"], item["run"]) for item in listed["items"]] == [("failed", runs[1].id)]
     assert (listed["webhook"], listed["webhook_trouble"]) == (False, "")
+
+
+def test_what_happened_while_nobody_looked_is_told_and_the_past_is_not(
+    database: Database, store: RunStore
+) -> None:
+    """Another life of the dashboard tells what is new, once; runs that failed long ago and were brought here are not."""
+    runs = [store.create(CONFIG, actor="a") for _ in range(2)]
+    for run in runs:
+        store.observe({run.id: {"state": "failed", "error": "x"}})
+
+    def look(now_s: float) -> list[str]:
+        watch = AlertWatch(
+            database, store, SeriesQueries(database),
+            lambda: TopologySnapshot(time_unix_s=0.0, nodes=[], links=[]), [],
+        )  # fmt: skip
+        return sorted(alert["run"] for alert in watch.look(now_s))
+
+    assert look(time.time() + 3600.0) == []
+    assert look(time.time()) == sorted(run.id for run in runs)
+    assert look(time.time()) == []
 
 
 def test_what_is_queued_or_over_is_no_stall(store: RunStore) -> None:
