@@ -71,7 +71,7 @@ export function metricsOf(view: View, returns: readonly string[]): string[] {
 }
 
 /** The part of a series query that all charts of the page share. */
-export type SharedQuery = Omit<SeriesQuery, 'metrics' | 'max_points'>;
+export type SharedQuery = Omit<SeriesQuery, 'metrics' | 'max_points' | 'max_groups'>;
 
 export function sharedQuery(view: View, subject: Subject): SharedQuery {
   return {
