@@ -33,7 +33,11 @@ export function scaleOf(
   values: readonly number[],
   from: number,
   to: number,
-  { about = 5, room = 0.05, range }: { about?: number; room?: number; range?: [number, number] } = {},
+  {
+    about = 5,
+    room = 0.05,
+    range,
+  }: { about?: number; room?: number; range?: [number, number] } = {},
 ): Scale {
   let [low, high] = range ?? [Infinity, -Infinity];
   if (!range) {

@@ -28,7 +28,10 @@ export function dotsOf(
   ink: Ink,
   { unit = '', title = '', baseline = '' } = {},
 ): Drawing {
-  const left = labelRoom(groups.map((one) => one.label), widthPx);
+  const left = labelRoom(
+    groups.map((one) => one.label),
+    widthPx,
+  );
   const bottom = 8 + ROW_PX * groups.length;
   const frame = { left, top: 8, right: widthPx - 16, bottom };
   const values = groups.flatMap(({ scores, iqm }) => [
@@ -132,7 +135,10 @@ export function distributionsOf(
   title = '',
 ): Drawing {
   const rowPx = 64;
-  const left = labelRoom(groups.map((one) => one.label), widthPx);
+  const left = labelRoom(
+    groups.map((one) => one.label),
+    widthPx,
+  );
   const bottom = 8 + rowPx * groups.length;
   const frame: Frame = { left, top: 8, right: widthPx - 16, bottom };
   const x = scaleOf(edges, frame.left, frame.right, { room: 0 });
@@ -267,7 +273,9 @@ export function parallelOf(
   }
   for (const { x, axis } of columns)
     for (const { at, text } of axis.ticks)
-      marks.push(label(x + 5, at + 4, clipped(text, step - 10), ink.muted, { size: 11, title: text }));
+      marks.push(
+        label(x + 5, at + 4, clipped(text, step - 10), ink.muted, { size: 11, title: text }),
+      );
   return { width: widthPx, height: heightPx, background: ink.background, marks };
 }
 

@@ -124,7 +124,9 @@ function encoded(text: string): string {
     const spelled = SPELLED[one];
     if (spelled !== undefined) return spelled;
     const code = ABOVE_LATIN[one] ?? one.charCodeAt(0);
-    const known = one.length === 1 && (one in ABOVE_LATIN || (code >= 32 && code < 127) || (code >= 161 && code < 256));
+    const known =
+      one.length === 1 &&
+      (one in ABOVE_LATIN || (code >= 32 && code < 127) || (code >= 161 && code < 256));
     return known ? String.fromCharCode(code) : '?';
   }).join('');
 }

@@ -52,9 +52,7 @@ const ENTITIES: Record<string, string> = {
 };
 
 function escaped(text: string): string {
-  return (
-    text
-      .replace(/[\u0000-\u0008\u000b\u000c\u000e-\u001f\ufffe\uffff]/g, '')
-      .replace(/[&<>"]/g, (one) => ENTITIES[one] ?? one)
-  );
+  return text
+    .replace(/[\u0000-\u0008\u000b\u000c\u000e-\u001f\ufffe\uffff]/g, '')
+    .replace(/[&<>"]/g, (one) => ENTITIES[one] ?? one);
 }
