@@ -9,6 +9,7 @@ from bpn_certificates import authority as x509
 from bpn_certificates.authority import Identity, Validity
 from bpn_shared.bus.access import ROLES, ROUTER
 from bpn_shared.bus.certificates import AUTHORITY, CERTIFICATE, KEY
+from bpn_shared.errors import InputError
 
 AUTHORITY_FOLDER = "authority"
 AUTHORITY_DAYS = 3650.0
@@ -51,6 +52,25 @@ def make(
             _store(folder / name, new, authority)
             renewed.append(name)
     return renewed
+
+
+def router_folders(folder: Path) -> list[Path]:
+    """Those of all routers."""
+    return [folder / name for name in _routers(folder)]
+
+
+def authority_in(folder: Path) -> Identity:
+    """The authority that was made there.
+
+    Raises:
+        InputError: there is none.
+    """
+    authority = _load(folder / AUTHORITY_FOLDER)
+    if authority is None:
+        raise InputError(
+            f"{folder} has no authority: `bpn up --listen tls/0.0.0.0:7447` or `bpn-certificates` makes one"
+        )
+    return authority
 
 
 def _routers(folder: Path) -> dict[str, set[str]]:

@@ -64,9 +64,10 @@ class RobotService:
         self._in_flight: deque[Answer] = deque()
         """Realtime: arrived, and yet to act."""
         self._edge = EdgeLink(worker)
+        place = worker.run, worker.slot, worker.site
         self._previews = SampledPublisher(
             worker.bus,
-            keys.preview(worker.run, worker.slot),
+            keys.preview(*place),
             _PREVIEW_HZ,
             _preview,
             worker.counters,
@@ -79,9 +80,7 @@ class RobotService:
         self._step = 0
         """That is under way in this episode, 1..T; 0: the reset."""
         self._faults = FaultReporter(worker)
-        self._resets = Responder(
-            worker.bus, keys.reset(worker.run, worker.slot), self._on_reset, worker.counters
-        )
+        self._resets = Responder(worker.bus, keys.reset(*place), self._on_reset, worker.counters)
 
     def run(self) -> None:
         """Serves until the worker is stopped."""

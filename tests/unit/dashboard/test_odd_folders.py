@@ -182,7 +182,7 @@ def test_nobody_changes_what_another_dashboard_serves(
     assert client.get(f"/api/v1/runs/{row.id}").status_code == 200
 
 
-def test_a_copied_run_changed_when_its_state_says(store: RunStore, tmp_path: Path) -> None:
+def test_a_copied_run_changed_when_its_state_says(store: RunStore) -> None:
     """Not when it was copied; and a run of a clock that goes fast is no newer than now."""
     folder = RunFolder.create(store.runs_dir, GOOD, CONFIG)
     told = folder.state()

@@ -25,6 +25,7 @@ from bpn_dashboard.api import (
     system,
     trash,
     views,
+    watch,
 )
 from bpn_dashboard.api.context import Context, Viewer
 from bpn_dashboard.api.openapi import describe
@@ -41,8 +42,10 @@ class Application(Guard):
         api: the application inside.
     """
 
-    def __init__(self, api: FastAPI, hosts: Iterable[str], connections: Connections | None) -> None:
-        super().__init__(api, hosts, connections=connections)
+    def __init__(
+        self, api: FastAPI, hosts: Iterable[str], prefix: str, connections: Connections | None
+    ) -> None:
+        super().__init__(api, hosts, prefix=prefix, connections=connections)
         self.api = api
 
 
@@ -50,6 +53,7 @@ def create_app(
     context: Context,
     *,
     hosts: Iterable[str] = (),
+    prefix: str = "",
     lifespan: Lifespan | None = None,
     routers: Sequence[APIRouter] = (),
 ) -> Application:
@@ -57,6 +61,7 @@ def create_app(
 
     Args:
         hosts: names by which browsers reach the dashboard, beside loopback's.
+        prefix: the path at which they find it, without a slash at its end, if that is not the root.
         routers: more routes, such as the live hub's, with their whole paths.
     """
     app = FastAPI(
@@ -75,7 +80,7 @@ def create_app(
     # Paths with a name in place of a run's id come before those with the id.
     for module in (
         session, overviews, queue, runs, trash, sweeps, series, comparison, artefacts, episodes, logs,
-        system, views,
+        system, views, watch,
     ):  # fmt: skip
         app.include_router(module.router, prefix=PREFIX)
 
@@ -88,6 +93,6 @@ def create_app(
     app.include_router(prometheus.router)
     for router in routers:
         app.include_router(router)
-    app.include_router(static.ui_routes())
+    app.include_router(static.ui_routes(prefix=prefix))
     describe(app)
-    return Application(app, hosts, context.connections)
+    return Application(app, hosts, prefix, context.connections)

@@ -29,6 +29,16 @@ test('lines shown together differ in colour or dash, whatever their order', () =
   );
 });
 
+test('of few lines none is told from another by two kinds of blue alone', () => {
+  const few = fc.uniqueArray(fc.string(), { minLength: 2, maxLength: 6 });
+  fc.assert(
+    fc.property(few, (shown) => {
+      const colours = [...new StrokeBook().assign(shown).values()].map(({ colour }) => colour);
+      expect(colours.includes(0) && colours.includes(5)).toBe(false);
+    }),
+  );
+});
+
 test('filtering changes no stroke', () => {
   fc.assert(
     fc.property(keys, fc.func(fc.boolean()), (shown, keep) => {

@@ -5,7 +5,7 @@ import { Value, type Observable } from './observable';
 
 export interface Toast {
   id: number;
-  kind: 'done' | 'problem';
+  kind: 'done' | 'problem' | 'progress';
   text: string;
   detail: string;
   action: { label: string; run: () => void } | null;
@@ -27,6 +27,20 @@ export class Toasts {
   done(text: string, undo?: () => void): void {
     const action = undo ? { label: 'Undo', run: undo } : null;
     this.#add({ kind: 'done', text, detail: '', action, forMs: undo ? UNDO_MS : DONE_MS });
+  }
+
+  /** Something that takes a while: says how far it is until it ends. */
+  progress(text: string, cancel: () => void): { say: (text: string) => void; end: () => void } {
+    const id = this.#next;
+    const action = { label: 'Cancel', run: cancel };
+    this.#add({ kind: 'progress', text, detail: '', action, forMs: Infinity });
+    return {
+      say: (now) =>
+        this.#all.update((all) =>
+          all.map((toast) => (toast.id === id ? { ...toast, text: now } : toast)),
+        ),
+      end: () => this.dismiss(id),
+    };
   }
 
   /** What went wrong; it stays until it is dismissed. */

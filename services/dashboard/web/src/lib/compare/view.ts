@@ -17,7 +17,12 @@ export const TABS = [
 ] as const;
 export const STATISTICS: readonly [Statistic, ...Statistic[]] = ['mean', 'median', 'iqm'];
 export const BANDS: readonly [Band, ...Band[]] = ['std', 'sem', 'ci95', 'minmax'];
-export const AXES: readonly [XAxis, ...XAxis[]] = ['iteration', 'wall_s', 'transitions'];
+export const AXES: readonly [XAxis, ...XAxis[]] = [
+  'iteration',
+  'process_s',
+  'wall_s',
+  'transitions',
+];
 export const EACH_RUN = 'run';
 
 export const STATISTIC_TITLES: Record<Statistic, string> = {
@@ -33,10 +38,16 @@ export const BAND_TITLES: Record<Band, string> = {
 };
 export const AXIS_TITLES: Record<XAxis, string> = {
   iteration: 'iteration',
+  process_s: 'time worked on it',
   wall_s: 'time since the start',
   transitions: 'transitions',
 };
-export const AXIS_UNITS: Record<XAxis, string> = { iteration: '', wall_s: 's', transitions: '' };
+export const AXIS_UNITS: Record<XAxis, string> = {
+  iteration: '',
+  process_s: 's',
+  wall_s: 's',
+  transitions: '',
+};
 
 /** Chosen runs, or all runs that meet a filter. */
 export interface Subject {
