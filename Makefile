@@ -152,7 +152,7 @@ dist: $(BUILDER)/.installed ## source distributions and wheels of everything int
 	deploy/dist.sh $(BUILDER)/bin/python $(filter-out $(PYTHON),$(PYTHONS))
 
 test-dist: dist $(DEV) ## the wheels in clean environments of all PYTHONS, without compiler and Node: `bpn up` in an empty folder
-	BPN_DIST=1 BPN_PYTHONS="$(PYTHONS)" $(BIN)/pytest tests/dist
+	BPN_PYTHONS="$(PYTHONS)" $(BIN)/pytest tests/packages
 
 # Its packages are none of ours, and read the sources without importing them.
 DOCS := $(VENV)/docs
@@ -191,7 +191,7 @@ bench: $(DEV) ## kernel, learner, loop and dashboard, side by side with what the
 bench-sweep: $(DEV) ## a sweep with one learner and with two, in containers (any Docker Engine)
 	PYTHONPATH=tests/support $(BIN)/python bench/sweep.py
 
-TARGETS := inference reaching latency tracking pan-tilt heatmap
+TARGETS := inference averaging reaching latency tracking pan-tilt heatmap
 JOBS ?= 1
 
 reproduce: $(DEV) ## every figure and table of the paper into docs/results: days on two cores, resumable

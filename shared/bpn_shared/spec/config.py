@@ -31,10 +31,15 @@ from bpn_shared.spec.sections import AlgorithmValues, ExecutionValues, TrainingV
 from bpn_shared.spec.stopping import StopRule
 from bpn_shared.spec.tasks import TaskOptions, TaskSpec, is_gym
 
-_AS_THE_TASK = ("frame_channels", "frame_px", "frames_stacked", "frame_skip", "actions")
-"""Options whose 0 is whatever the task has."""
+_AS_THE_TASK = (
+    "frame_channels", "frame_px", "frames_stacked", "frame_skip", "actions", "action_dims",
+)  # fmt: skip
+"""Options whose 0, or nothing, is whatever the task has."""
 _OWN_KERNELS = CIRCUITS.union(*KERNELS.values())
 """Of the others, only the edge that has them can say what they run."""
+
+
+_SILENT_PERIODS = 5
 
 
 class ConfigError(InputError):
@@ -75,7 +80,9 @@ class RunConfig(ExecutionValues, TrainingValues, AlgorithmValues, TaskOptions):
         if not isinstance(values, dict):
             return values
         given = {
-            name: v for name, v in values.items() if not (name in _AS_THE_TASK and v in (0, "0"))
+            name: v
+            for name, v in values.items()
+            if not (name in _AS_THE_TASK and v in (0, "0", ""))
         }
         of_task = values.get("task_spec")
         if isinstance(of_task, dict):
@@ -200,6 +207,12 @@ class RunConfig(ExecutionValues, TrainingValues, AlgorithmValues, TaskOptions):
         return self.algorithm_spec.selection
 
     @property
+    def longest_silence_s(self) -> float:
+        """How long robot and edge may hear nothing of each other: then the one is stopped, the other asked again."""
+        realtime = self.pacing == "realtime"
+        return max(1.0, _SILENT_PERIODS * self.task_spec.control_period_s if realtime else 0.0)
+
+    @property
     def callback_names(self) -> tuple[str, ...]:
         """The callbacks of the training, in the order in which they are called; each once."""
         names = [
@@ -219,6 +232,15 @@ class RunConfig(ExecutionValues, TrainingValues, AlgorithmValues, TaskOptions):
             return 0.0
         progress = min(1.0, 2 * iteration / self.iterations)
         return self.epsilon_initial + progress * (self.epsilon_final - self.epsilon_initial)
+
+    def beta_of(self, version: int) -> float:
+        """The inverse temperature with which a weights version plays, and the update that follows it computes.
+
+        From `beta` it rises linearly to `beta_run_final_factor` times that in the last iteration.
+        """
+        last = self.iterations - 1
+        progress = min(version, last) / max(1, last)
+        return self.beta * (1 + progress * (self.beta_run_final_factor - 1))
 
     def learning_rate_share(self, iteration: int) -> float:
         """Of the learning rate, in an iteration: from 1 linearly to `lr_run_final_factor`."""
