@@ -26,7 +26,9 @@ def write(path: Path, episodes: Sequence[Episode], task: TaskSpec, *, bars: bool
         bars: beside the picture, a bar for each action's preference; the applied action's is coloured. Of several
             dimensions, a bar for each choice, with room between the dimensions.
     """
-    pictures = np.stack([picture for one in episodes for picture in pictures_of(one, task, bars=bars)])
+    pictures = np.stack(
+        [picture for one in episodes for picture in pictures_of(one, task, bars=bars)]
+    )
     # Through memory: a writer that fails at a file complains of it once more, by itself, when it is collected.
     if path.suffix.lower() == ".gif":
         film = imageio.imwrite(

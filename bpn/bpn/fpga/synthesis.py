@@ -45,16 +45,18 @@ class Cells:
 
 
 def write_sources(build: Build, where: Path, *more: str) -> list[str]:
-    """Copies the core's sources of a build, and others of the RTL's folder, into a folder; their names there."""
+    """Copies the core's sources of a build, and others of the RTL's folder, into a folder.
+
+    Returns:
+        Their names there, the package first: what is synthesized depends on the order, a little.
+    """
     package = sources.write_package(build, where)
-    names = [package.name]
-    for path in (
-        *sources.core_files(),
-        *(file for pattern in more for file in sorted(sources.folder().glob(pattern))),
-    ):
+    others = [file for pattern in more for file in sources.folder().glob(pattern)]
+    names = []
+    for path in (*sources.core_files(), *others):
         (where / path.name).write_text(path.read_text())
         names.append(path.name)
-    return names
+    return [package.name, *sorted(names)]
 
 
 def estimate_xilinx(build: Build, where: Path) -> dict[str, float]:
