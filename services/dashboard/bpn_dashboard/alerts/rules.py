@@ -52,7 +52,9 @@ def of_runs(rows: Iterable[RunRow], now_s: float) -> Iterator[Trouble]:
 
 def of_robots(nodes: Iterable[Node], rows: Iterable[RunRow]) -> Iterator[Trouble]:
     """Of robots of runs that shall go on, of which nothing is heard."""
-    wanted = {row.id: row for row in rows if row.desired_state == "running" and row.state == "running"}
+    wanted = {
+        row.id: row for row in rows if row.desired_state == "running" and row.state == "running"
+    }
     for node in nodes:
         row = wanted.get(node.run or "")
         if row is None or not node.kind.startswith("robot") or node.state == "live":
@@ -85,7 +87,9 @@ def of_returns(row: RunRow, returns: npt.NDArray[np.float64]) -> Trouble | None:
         return None
     best = "?" if row.return_best is None else f"{row.return_best:.4g}"
     now = "?" if row.return_mean_last_5 is None else f"{row.return_mean_last_5:.4g}"
-    text = f"{row.name}: the return fell to {now} (mean of the last 5), the best iteration had {best}"
+    text = (
+        f"{row.name}: the return fell to {now} (mean of the last 5), the best iteration had {best}"
+    )
     return Trouble("return_fell", row.id, row.id, text)
 
 

@@ -35,8 +35,12 @@ class AlertPage(BaseModel):
     """Newest first."""
 
     items: list[Alert]
-    webhook: Annotated[bool, Field(description="they are sent to an address that the operator gave")]
-    webhook_trouble: Annotated[str, Field(description="why the last one was not sent; empty: it was")]
+    webhook: Annotated[
+        bool, Field(description="they are sent to an address that the operator gave")
+    ]
+    webhook_trouble: Annotated[
+        str, Field(description="why the last one was not sent; empty: it was")
+    ]
 
 
 class ServiceHistory(BaseModel):
