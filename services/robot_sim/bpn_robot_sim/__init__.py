@@ -20,8 +20,12 @@ ENVIRONMENTS = {
 EPISODE_STEPS = {
     task.name: int(task.preset["steps"])
     for task in (
-        specs.reaching(), specs.tracking(), specs.pan_tilt(),
-        factored.reaching_both(), factored.pan_tilt_both(), factored.arm(),
+        specs.reaching(),
+        specs.tracking(),
+        specs.pan_tilt(),
+        factored.reaching_both(),
+        factored.pan_tilt_both(),
+        factored.arm(),
     )  # fmt: skip
 }
 """T of each task; of the paper's, as it has it."""

@@ -48,9 +48,7 @@ class RobotEnv(gymnasium.Env[Frame, Any]):
         frame = self.robot.reset(start_seed)
         return frame, self.robot.info()
 
-    def step(
-        self, action: np.int64 | int | Sequence[int]
-    ) -> tuple[Frame, float, bool, bool, Info]:
+    def step(self, action: np.int64 | int | Sequence[int]) -> tuple[Frame, float, bool, bool, Info]:
         dims = self.robot.task.dims
         choices = [action] if len(dims) == 1 else action
         self.robot.command(joined([operator.index(choice) for choice in choices], dims))  # type: ignore[union-attr, arg-type]

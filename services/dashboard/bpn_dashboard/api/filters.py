@@ -34,7 +34,10 @@ class _Runs(BaseModel):
         return values
 
     search: Annotated[
-        str, Field(max_length=200, description="words, each part of name, notes, tags or id, in any case")
+        str,
+        Field(
+            max_length=200, description="words, each part of name, notes, tags or id, in any case"
+        ),
     ] = ""
     query: Annotated[
         str,

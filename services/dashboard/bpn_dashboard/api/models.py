@@ -14,7 +14,6 @@ from bpn_shared.spec.tasks import RETURN_PX
 MAX_IDS = 1000
 
 
-
 def _readable(text: str) -> str:
     """Refuses what looks like nothing, or makes what stands beside it look like something else."""
     for character in text:

@@ -79,16 +79,12 @@ def parameters(build: Build, spec: NetworkSpec, held: tuple[Words, Words, Words]
     sides = sides.transpose(5, 3, 0, 4, 2, 1, 6).reshape(
         conv1.out_channels, 2, 4, 2, frames, -1
     )  # output, half, row, half, frame, byte
-    sides = sides[..., : BLOCK_PX * spec.channels // frames].reshape(
-        *sides.shape[:5], BLOCK_PX, -1
-    )
+    sides = sides[..., : BLOCK_PX * spec.channels // frames].reshape(*sides.shape[:5], BLOCK_PX, -1)
     words = held[2].reshape(-1, 8)
     at = np.cumsum((0, 1, 8, 1, 9, node_groups, 49 * node_groups, action_groups * node_groups))
     parts = [words[begin:end] for begin, end in pairwise(at)]
     bits = {
-        "conv1": sides[..., ::-1, :, :]
-        .transpose(0, 1, 2, 3, 5, 4, 6)
-        .reshape(conv1.weight_shape),
+        "conv1": sides[..., ::-1, :, :].transpose(0, 1, 2, 3, 5, 4, 6).reshape(conv1.weight_shape),
         "conv2": _unpacked(parts[1])
         .reshape(-1, LANES, LANES)
         .transpose(1, 0, 2)
@@ -146,7 +142,9 @@ def _conv1_words(build: Build, conv1: Layer, bits: Bits) -> Words:
     sides = sides.transpose(0, 1, 2, 3, 5, 4, 6).reshape(*sides.shape[:4], frames, block)
     sides = _padded(sides[..., ::-1, :], _whole(build, block), axis=5, with_=0)
     sides = sides.reshape(*sides.shape[:5], -1, build.pixel_bytes)
-    return _packed(sides.transpose(2, 5, 4, 1, 3, 0, 6))  # row, beat, frame | half, half, output, byte
+    return _packed(
+        sides.transpose(2, 5, 4, 1, 3, 0, 6)
+    )  # row, beat, frame | half, half, output, byte
 
 
 def _words(bits: Bits) -> Words:
