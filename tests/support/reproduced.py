@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from bpn.reproduce import computers, report
+from bpn.reproduce import averaging, computers, report
 from bpn.reproduce.latency import DELAYS_MS
 from bpn.reproduce.targets import TARGETS
 
@@ -93,6 +93,24 @@ RESULTS: dict[str, tuple[list[dict[str, Any]], dict[str, Any]]] = {
     ),
 }
 
+RESULTS["averaging"] = (
+    [],
+    {
+        "optimum_px": -80.8,
+        "iterations": 50,
+        "cells": [
+            {
+                "update": update, "kind": kind, "sigma": sigma, "nodes": nodes,
+                "returns_px": [-90.0, -100.0] if sigma else [-81.0],
+            }
+            for update in averaging.UPDATES
+            for kind, sigma, nodes in [
+                *((kind, sigma, 0) for kind in averaging.KINDS for sigma in averaging.SIGMAS),
+                *(("fresh", 0.0, nodes) for nodes in averaging.NODES),
+            ]
+        ],
+    },
+)  # fmt: skip
 RESULTS["cartpole"] = (
     [
         {k: v for k, v in record("bpn", 128, seed).items() if k != "returns_px"}

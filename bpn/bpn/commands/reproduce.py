@@ -26,6 +26,7 @@ NAMES = (
     "pan-tilt",
     "inference",
     "latency",
+    "averaging",
     "cartpole",
     "robustness",
     "robustness-pan-tilt",

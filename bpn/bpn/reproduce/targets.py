@@ -1,5 +1,6 @@
 """All targets of `bpn reproduce`."""
 
+from bpn.reproduce.averaging import AVERAGING
 from bpn.reproduce.cartpole import CARTPOLE
 from bpn.reproduce.definition import Target
 from bpn.reproduce.heatmap import HEATMAP
@@ -18,6 +19,7 @@ TARGETS: dict[str, Target] = {
         PAN_TILT,
         INFERENCE,
         LATENCY,
+        AVERAGING,
         CARTPOLE,
         ROBUSTNESS,
         ROBUSTNESS_PAN_TILT,

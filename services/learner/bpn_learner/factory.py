@@ -39,6 +39,11 @@ def has_gpu() -> bool:
     return torch.cuda.is_available()
 
 
+def name_of_gpu() -> str:
+    """What the GPU is called that torch finds; empty: it finds none."""
+    return str(torch.cuda.get_device_name()) if has_gpu() else ""
+
+
 def _device(config: RunConfig) -> torch.device:
     """The device that the run asks for."""
     if config.device == "cuda" and not has_gpu():

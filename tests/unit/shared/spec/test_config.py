@@ -59,7 +59,7 @@ def test_every_task_has_a_preset_and_observations_of_its_network(task: TaskSpec)
         ({"pacing": "slow"}, "pacing = 'slow': Input should be 'lockstep' or 'realtime'"),
         (
             {"task": "flying"},
-            "task = 'flying': unknown; one of: gym:[MODULE:]ENVIRONMENT-ID, pan_tilt, reaching, tracking",
+            "task = 'flying': unknown; one of: arm, gym:[MODULE:]ENVIRONMENT-ID, pan_tilt, pan_tilt_both, reaching",
         ),
         (
             {"algorithm": "sarsa"},
@@ -74,6 +74,15 @@ def test_every_task_has_a_preset_and_observations_of_its_network(task: TaskSpec)
             "kernel = 'native' does not run the network of 'cvi'",
         ),
         ({"kernel": "onnx"}, "does not run the network of 'bpn', which is binary; one of: native"),
+        (
+            {"algorithm": "cvi", "kernel": "rtl"},
+            "kernel = 'rtl' does not run the network of 'cvi'",
+        ),
+        (
+            {"kernel": "rtl", "conv": "8x4x8,4x2x16"},
+            "kernel = 'rtl' is a circuit of the paper's convolutions over 84 px, this run has "
+            "conv = '8x4x8,4x2x16' over 84 px: choose another kernel, or leave them out",
+        ),
         ({"frames_stacked": 4}, "frames_stacked = 4: task 'reaching' has 1; leave it out"),
         ({"frame_px": 64}, "frame_px = 64: task 'reaching' has 84; leave it out"),
         (
@@ -201,8 +210,8 @@ def test_the_rate_falls_linearly_over_the_run(iterations: int, last: float) -> N
 BY_VALUE = {"task_spec", "algorithm_spec"}
 DEFAULTS: dict[str, Any] = {
     "env_kwargs": "", "env_wrappers": "", "frames_from": "auto", "observation_key": "", "crop": "",
-    "max_over_frames": 1, "difference": False, "action_bins": 0, "frame_px": 84, "conv": "8x4x8,4x2x16,3x1x16",
-    "disturb": "", "beta_run_final_factor": 1.0, "n_step": 1, "gap_floor": 0.0,
+    "max_over_frames": 1, "difference": False, "action_bins": 0, "action_dims": "", "frame_px": 84,
+    "conv": "8x4x8,4x2x16,3x1x16", "disturb": "", "beta_run_final_factor": 1.0, "n_step": 1, "gap_floor": 0.0,
     "replay_transitions": 0, "max_updates": 0, "augment": "",
     "task": "reaching", "algorithm": "bpn", "seed": 0, "frame_channels": 1, "frames_stacked": 1,
     "frame_skip": 1, "actions": 14, "iterations": 50, "episodes": 10, "steps": 20, "epochs": 50,
@@ -353,3 +362,16 @@ def test_options_of_an_algorithm_that_no_file_could_hold_are_refused(
     with pytest.raises(ConfigError, match="algorithm_options") as refused:
         RunConfig.for_task("reaching", algorithm_options=given)
     assert message in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("period_s", "pacing", "expected_s"),
+    [(0.145, "realtime", 1), (0.4, "realtime", 2), (60, "realtime", 300), (60, "lockstep", 1)],
+)
+def test_robot_and_edge_may_be_silent_for_some_control_periods(
+    period_s: float, pacing: str, expected_s: float
+) -> None:
+    config = RunConfig.for_task("reaching", pacing=pacing)
+    task = config.task_spec.model_copy(update={"control_period_s": period_s})
+    slow = config.model_copy(update={"task_spec": task})
+    assert slow.longest_silence_s == pytest.approx(expected_s)
