@@ -11,7 +11,7 @@ PACKAGES := shared services/edge services/learner services/robot services/robot_
 SOURCES := $(PACKAGES:%=%/bpn*)
 
 .DEFAULT_GOAL := help
-.PHONY: help up dev check test dist test-dist test-cross docs coverage images check-manifests mutants fuzz test-rtl test-sanitized test-browser test-observability test-weights test-environments test-trackers test-containers test-chaos test-fresh-machine screenshots lint check-claims version format bench bench-sweep reproduce reproduce-quick doctor clean
+.PHONY: help up dev check test dist test-dist test-cross docs coverage images check-manifests mutants fuzz test-rtl test-sanitized test-browser test-observability test-weights test-environments test-trackers test-containers test-chaos test-fresh-machine screenshots lint check-claims version format bench bench-gym bench-sweep reproduce reproduce-quick doctor clean
 
 help:            ## this list
 	@grep -hE '^[a-z-]+: .*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 20
@@ -73,6 +73,17 @@ $(ENVIRONMENTS)/.installed: $(DEV)
 
 test-environments: $(ENVIRONMENTS)/.installed ## one iteration of Gymnasium environments of five other packages (downloads them)
 	BPN_ENVIRONMENTS=$(ENVIRONMENTS)/bin/python $(BIN)/pytest tests/environments
+
+# Without what it asks for, which ours has.
+$(ENVIRONMENTS)/.baselines: $(ENVIRONMENTS)/.installed
+	$(ENVIRONMENTS)/bin/python -m pip install --disable-pip-version-check -q --no-deps stable-baselines3==2.9.2
+	touch $@
+
+# Some of it: make bench-gym GYM="--tasks catch,minigrid --seeds 0,1"
+GYM ?=
+
+bench-gym: $(ENVIRONMENTS)/.baselines ## the gym: preset beside Stable-Baselines3's DQN on six environments, five seeds (hours; goes on where it was)
+	$(ENVIRONMENTS)/bin/python -m bench.gym_recipe $(GYM)
 
 # As the extras wandb and mlflow of bpn-learner.
 TRACKERS := $(VENV)/trackers
