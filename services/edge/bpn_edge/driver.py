@@ -11,8 +11,8 @@ import numpy as np
 import numpy.typing as npt
 
 from bpn_edge.decisions import DecisionFeed
-from bpn_edge.memory import WeightMemory
 from bpn_edge.factored import JointSelector
+from bpn_edge.memory import WeightMemory
 from bpn_edge.recorder import EpisodeRecorder
 from bpn_edge.robot_link import RobotLink
 from bpn_shared.bnn.envelope import BlobError
@@ -139,7 +139,9 @@ class _EpisodeSession:
         self._assignment, self._reset_id, self._choose = assignment, reset_id, choose
         # all at once: between two frames every instruction delays the sending of the last action
         dims = len(self._task.dims)
-        self._uniforms: list[list[float]] = choice_uniforms(assignment.seed, config.steps, dims).tolist()
+        self._uniforms: list[list[float]] = choice_uniforms(
+            assignment.seed, config.steps, dims
+        ).tolist()
         self.over = threading.Event()
         self.episode: Episode | None = None
         self.fault: str | None = None

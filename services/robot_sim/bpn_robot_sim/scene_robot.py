@@ -25,7 +25,9 @@ class SceneRobot:
     success = None
     has_backlash = True
 
-    def __init__(self, task: TaskSpec, physics: Physics, camera: str, ways: Sequence[tuple[int, ...]]) -> None:
+    def __init__(
+        self, task: TaskSpec, physics: Physics, camera: str, ways: Sequence[tuple[int, ...]]
+    ) -> None:
         if task.dims not in ways:
             raise ConfigError(
                 f"task {task.name!r} has {_counted(task.dims)} actions, its robot {task.robot!r} has "

@@ -91,9 +91,13 @@ class FrameHeader(NamedTuple):
             raise MessageError(f"frame header: {len(data)} bytes, expected {form.size}")
         numbers = form.unpack(data)
         if schema == SCHEMA:
-            _, kind, channels, success, iteration, episode, step, reset_id, applied, *others = numbers
+            _, kind, channels, success, iteration, episode, step, reset_id, applied, *others = (
+                numbers
+            )
         else:
-            _, kind, channels, applied, success, iteration, episode, step, reset_id, *others = numbers
+            _, kind, channels, applied, success, iteration, episode, step, reset_id, *others = (
+                numbers
+            )
             applied = NO_ACTION if applied == _NO_ACTION_BYTE else applied
         t_ns, loop_ns, misses, reward = others
         if kind >= len(_KINDS):

@@ -32,7 +32,9 @@ class ProbeReply(Message):
 
     actions: Annotated[int, Field(ge=2)]
     """|A|, or the choices of all dimensions together."""
-    dims: Annotated[tuple[Annotated[int, Field(ge=2)], ...], Field(max_length=MAX_ACTION_DIMS), Strict(False)] = ()
+    dims: Annotated[
+        tuple[Annotated[int, Field(ge=2)], ...], Field(max_length=MAX_ACTION_DIMS), Strict(False)
+    ] = ()
     """Choices of each dimension of its actions; none: there is one."""
     seen: Literal["observations", "renders"]
     """Where its frames come from."""

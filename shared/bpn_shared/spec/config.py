@@ -25,7 +25,14 @@ from bpn_shared.spec.sections import AlgorithmValues, ExecutionValues, TrainingV
 from bpn_shared.spec.stopping import StopRule
 from bpn_shared.spec.tasks import TaskOptions, TaskSpec, is_gym
 
-_AS_THE_TASK = ("frame_channels", "frame_px", "frames_stacked", "frame_skip", "actions", "action_dims")
+_AS_THE_TASK = (
+    "frame_channels",
+    "frame_px",
+    "frames_stacked",
+    "frame_skip",
+    "actions",
+    "action_dims",
+)
 """Options whose 0, or nothing, is whatever the task has."""
 _OWN_KERNELS = frozenset(name for names in KERNELS.values() for name in names)
 """Of the others, only the edge that has them can say what they run."""
@@ -69,7 +76,9 @@ class RunConfig(ExecutionValues, TrainingValues, AlgorithmValues, TaskOptions):
         if not isinstance(values, dict):
             return values
         given = {
-            name: v for name, v in values.items() if not (name in _AS_THE_TASK and v in (0, "0", ""))
+            name: v
+            for name, v in values.items()
+            if not (name in _AS_THE_TASK and v in (0, "0", ""))
         }
         of_task = values.get("task_spec")
         if isinstance(of_task, dict):

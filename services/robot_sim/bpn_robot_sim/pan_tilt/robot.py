@@ -80,7 +80,9 @@ class PanTiltRobot(SceneRobot):
         """The action that points the camera closest to where the marker's goal will be after the next step."""
         next_deg = self._phase_deg() + geometry.PHASE_PER_S * self.task.control_period_s
         aim_deg = geometry.aim_deg(geometry.marker_m(geometry.target_deg(next_deg)))
-        goals_deg = np.array([self._goal_after(action) for action in range(self.task.joint_actions)])
+        goals_deg = np.array(
+            [self._goal_after(action) for action in range(self.task.joint_actions)]
+        )
         return int(np.argmin(np.linalg.norm(goals_deg - aim_deg, axis=1)))
 
     def _start(self, phase_deg: float, seed: int = 0) -> None:
