@@ -11,7 +11,7 @@ PACKAGES := shared services/edge services/learner services/robot services/robot_
 SOURCES := $(PACKAGES:%=%/bpn*)
 
 .DEFAULT_GOAL := help
-.PHONY: help up dev check test dist test-dist test-cross docs coverage images check-manifests mutants fuzz test-rtl test-sanitized test-browser test-observability test-weights test-environments test-trackers test-containers test-chaos test-fresh-machine screenshots lint check-claims version format bench bench-gym bench-sweep reproduce reproduce-quick doctor clean
+.PHONY: help up dev check test dist test-dist test-cross docs coverage images check-manifests mutants fuzz test-rtl test-sanitized test-browser test-observability test-weights test-environments test-trackers test-containers test-chaos test-fresh-machine screenshots lint check-claims version format bench bench-gym bench-sweep additivity reproduce reproduce-quick doctor clean
 
 help:            ## this list
 	@grep -hE '^[a-z-]+: .*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 20
@@ -201,6 +201,9 @@ bench: $(DEV) ## kernel, learner, loop and dashboard, side by side with what the
 
 bench-sweep: $(DEV) ## a sweep with one learner and with two, in containers (any Docker Engine)
 	PYTHONPATH=tests/support $(BIN)/python bench/sweep.py
+
+additivity: $(DEV) ## the table of docs/factored-actions.md, by dynamic programming
+	$(BIN)/python -m bpn_robot_sim.reaching.additivity
 
 TARGETS := inference averaging reaching latency tracking pan-tilt heatmap
 JOBS ?= 1

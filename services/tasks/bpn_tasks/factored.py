@@ -4,6 +4,7 @@ paper's robots with both joints turned in every step, and an arm of four joints.
 
 from collections.abc import Sequence
 from itertools import product
+from typing import Any
 
 from bpn_shared.spec.joint_actions import joined
 from bpn_shared.spec.tasks import TaskSpec
@@ -62,7 +63,7 @@ def arm() -> TaskSpec:
     )
 
 
-def _turned(joints: Sequence[str], turns_deg: Sequence[int]) -> dict[str, object]:
+def _turned(joints: Sequence[str], turns_deg: Sequence[int]) -> dict[str, Any]:
     """The actions that turn each of the joints by one of the angles; holding turns none."""
     dims = (len(turns_deg),) * len(joints)
     return {
@@ -72,5 +73,5 @@ def _turned(joints: Sequence[str], turns_deg: Sequence[int]) -> dict[str, object
     }
 
 
-def _as(task: TaskSpec, name: str, title: str, **changes: object) -> TaskSpec:
+def _as(task: TaskSpec, name: str, title: str, **changes: Any) -> TaskSpec:
     return TaskSpec.model_validate(task.model_dump() | {"name": name, "title": title} | changes)
