@@ -116,7 +116,7 @@ def ours(kind: NetworkKind, device: str, *, recorded: bool = False) -> Callable[
         recordable(optimizer).__enter__()  # until the end of the program
         step = RecordedStep(step, CudaGraphs())
     order = torch.from_numpy(np.random.default_rng(0).permutation(TRANSITIONS)).to(device)
-    batches = order[: TRANSITIONS // BATCH * BATCH].split(BATCH)
+    batches = torch.split(order[: TRANSITIONS // BATCH * BATCH], BATCH)
 
     def take(updates: int) -> None:
         for index in range(updates):

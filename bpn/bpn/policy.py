@@ -5,10 +5,10 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
-from bpn_edge.factored import epsilon_greedy_joint_action, softmax_joint_action
+from bpn_edge.factored import joint_selector
 from bpn_edge.kernel import load
 from bpn_edge.kernel.choice import choose_kernel, kernels_here
-from bpn_edge.policy import softmax_weights
+from bpn_edge.policy import epsilon_greedy_action, softmax_action, softmax_weights
 from bpn_shared.bnn.weights import Weights
 from bpn_shared.errors import InputError
 from bpn_shared.spec.config import RunConfig
@@ -119,16 +119,19 @@ class Policy:
             rng: where to draw from, as training does.
 
         Returns:
-            The action's number; `task.action_names` says what it does, of an action of one dimension.
+            The action's number; `task.action_name` says what it does, and `task.choices` what is chosen in each
+            dimension, where there are several.
 
         Raises:
             InputError: the observation has another dtype or shape.
         """
         outputs, dims = self._outputs(observation), self._dims
         if rng is None:
-            return epsilon_greedy_joint_action(outputs, dims, 0.0, [0.0] * len(dims))
-        uniforms = rng.random(len(dims)).tolist()
-        return softmax_joint_action(outputs, dims, self.weights.scale, self._beta, uniforms)
+            best = joint_selector(lambda own, _: epsilon_greedy_action(own, 0.0, 0.0), dims)
+            return best(outputs, [0.0] * len(dims))
+        scale, beta = self.weights.scale, self._beta
+        drawn = joint_selector(lambda own, u: softmax_action(own, scale, beta, u), dims)
+        return drawn(outputs, rng.random(len(dims)).tolist())
 
 
 def _check(what: str, given: object, shape: tuple[int, ...]) -> None:

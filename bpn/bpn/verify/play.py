@@ -139,6 +139,11 @@ def inverse_temperature(config: RunConfig, iteration: int) -> float:
     return config.beta * (1 + share * (config.beta_run_final_factor - 1))
 
 
+def parts(numbers: npt.NDArray[np.float64], dims: tuple[int, ...]) -> list[npt.NDArray[np.float64]]:
+    """Of what is side by side for every choice of every dimension: each dimension's own."""
+    return [numbers[sum(dims[:d]) : sum(dims[: d + 1])] for d in range(len(dims))]
+
+
 def softmax_choice(P: npt.NDArray[np.float64], beta: float, uniform: float) -> set[int]:
     """Actions that exp(beta P) / sum and a uniform number may mean: one, or more where rounding decides."""
     weights = np.exp(beta * (P - P.max()))

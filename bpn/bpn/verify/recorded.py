@@ -1,5 +1,6 @@
 """Episodes as a run folder has them, compared with what the robot's side should have done."""
 
+import itertools
 from collections.abc import Callable
 from dataclasses import dataclass
 from math import ceil
@@ -16,6 +17,7 @@ from bpn.verify.play import (
     greedy_choice,
     inverse_temperature,
     observations,
+    parts,
     softmax_choice,
 )
 from bpn.verify.targets import Played
@@ -29,7 +31,9 @@ FLOAT_TOLERANCE = 1e-4
 """Of float outputs, relative to the largest |P|: another order of summation."""
 
 Act = Callable[[npt.NDArray[np.float64], float], set[int]]
-"""From outputs and a uniform number to actions."""
+"""From one dimension's outputs and a uniform number to choices."""
+Choices = tuple[int, ...]
+"""An action, by its choice in each dimension."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,12 +65,25 @@ class Recording:
             return self.episode.rewards.copy()
         return pixels.rewards_of(self.config.task_spec, self.episode.frames)
 
-    def choice(self, step: int, uniform: float) -> set[int]:
-        """What the run's policy does on the outputs that the edge recorded."""
+    @property
+    def dims(self) -> tuple[int, ...]:
+        """Choices of each dimension of its actions."""
+        return self.config.task_spec.action_dims or (self.config.task_spec.actions,)
+
+    def actions(self) -> list[Choices]:
+        """What was done in every step."""
+        return [tuple(row) for row in self.episode.actions.reshape(self.episode.steps, -1).tolist()]
+
+    def choice(self, step: int, uniforms: list[float]) -> list[set[int]]:
+        """What the run's policy does on the outputs that the edge recorded, in each dimension."""
         P = self.episode.outputs[step].astype(np.float64) * self.policy.scale
-        if self.config.policy == SOFTMAX:
-            return softmax_choice(P, inverse_temperature(self.config, self.iteration), uniform)
-        return greedy_choice(P, epsilon(self.config, self.iteration), uniform)
+        beta, share = inverse_temperature(self.config, self.iteration), epsilon_of_each(self)
+        return [
+            softmax_choice(own, beta, uniform)
+            if self.config.policy == SOFTMAX
+            else greedy_choice(own, share, uniform)
+            for own, uniform in zip(parts(P, self.dims), uniforms, strict=True)
+        ]
 
 
 def epsilon(config: RunConfig, iteration: int) -> float:
@@ -75,6 +92,12 @@ def epsilon(config: RunConfig, iteration: int) -> float:
         return 0.0
     progress = min(1.0, iteration / (config.iterations / 2))
     return config.epsilon_initial + progress * (config.epsilon_final - config.epsilon_initial)
+
+
+def epsilon_of_each(recording: Recording) -> float:
+    """The same of one dimension's choices: together they leave as many actions greedy as the share says."""
+    share, D = epsilon(recording.config, recording.iteration), len(recording.dims)
+    return share if D == 1 else 1 - (1 - share) ** (1 / D)
 
 
 def played(
@@ -107,7 +130,7 @@ def checked(recording: Recording, findings: Findings) -> Played:
     check_meta(recording, findings)
     check_outputs(recording, observed, findings)
     check_actions(recording, findings)
-    actions = torch.from_numpy(episode.actions.astype(np.int64))
+    actions = torch.tensor(recording.actions(), dtype=torch.int64)
     rewards = torch.from_numpy(recording.rewards())
     return Played(observed, actions, rewards, recording.terminal, episode.meta.deadline_misses)
 
@@ -148,15 +171,15 @@ def check_actions(recording: Recording, findings: Findings) -> None:
             f"the action selection {config.policy!r} is no part of this program"
         )
         return
-    uniforms = draws.step_uniforms(episode.meta.seed, episode.steps)
-    answers = [recording.choice(step, number) for step, number in enumerate(uniforms)]
+    uniforms = draws.step_uniforms(episode.meta.seed, episode.steps, len(recording.dims))
+    answers = [recording.choice(step, numbers) for step, numbers in enumerate(uniforms)]
+    hold = [{choice} for choice in held(config.task_spec.hold_action, recording.dims)]
     choices = [
-        set().union(*(answers[frame] for frame in frames))
-        if frames
-        else {config.task_spec.hold_action}
+        [answers[frame] for frame in frames] or [hold]
         for frames in (answered(recording, step) for step in range(episode.steps))
     ]
-    wrong = [t for t, action in enumerate(episode.actions.tolist()) if action not in choices[t]]
+    actions = recording.actions()
+    wrong = [t for t, action in enumerate(actions) if not is_one_of(action, choices[t])]
     findings["actions"].compared += episode.steps - 1
     if not wrong:
         findings.compare("actions", recording.where, True, True)
@@ -164,10 +187,33 @@ def check_actions(recording: Recording, findings: Findings) -> None:
     findings.compare(
         "actions",
         f"{recording.where}, {len(wrong)} of {episode.steps} steps, first {wrong[0]}",
-        f"action {episode.actions[wrong[0]]}",
-        f"action {' or '.join(map(str, sorted(choices[wrong[0]])))}",
+        f"action {shown(actions[wrong[0]])}",
+        f"action {' or '.join(shown(one) for one in meant(choices[wrong[0]]))}",
         hint=explained(recording, uniforms),
     )
+
+
+def held(action: int, dims: tuple[int, ...]) -> Choices:
+    """The choices of an action's number, in which the last dimension counts fastest."""
+    choices = []
+    for n in reversed(dims):
+        choices.append(action % n)
+        action //= n
+    return tuple(reversed(choices))
+
+
+def is_one_of(action: Choices, answers: list[list[set[int]]]) -> bool:
+    """Whether an action is what one of these answers may mean."""
+    return any(all(c in own for c, own in zip(action, answer, strict=True)) for answer in answers)
+
+
+def meant(answers: list[list[set[int]]]) -> list[Choices]:
+    """All actions that these answers may mean."""
+    return sorted({action for answer in answers for action in itertools.product(*answer)})
+
+
+def shown(action: Choices) -> str:
+    return str(action[0]) if len(action) == 1 else str(action)
 
 
 def answered(recording: Recording, step: int) -> list[int]:
@@ -196,18 +242,17 @@ def answered(recording: Recording, step: int) -> list[int]:
     return [step - later for later in range(periods, latest + 1) if later <= step]
 
 
-def explained(recording: Recording, uniforms: list[float]) -> str:
+def explained(recording: Recording, uniforms: list[list[float]]) -> str:
     """What other way of acting gives all of an episode's actions, if one of the likely ones does."""
-    config, scale = recording.config, recording.policy.scale
-    beta = inverse_temperature(config, recording.iteration)
-    share = epsilon(config, recording.iteration)
+    beta = inverse_temperature(recording.config, recording.iteration)
+    scale, share = recording.policy.scale, epsilon_of_each(recording)
     outputs = recording.episode.outputs.astype(np.float64)
     ways: dict[str, Act] = {
         "a softmax policy": lambda o, u: softmax_choice(o * scale, beta, u),
         "an epsilon-greedy policy": lambda o, u: greedy_choice(o, share, u),
         "the best action always": lambda o, u: greedy_choice(o, 0.0, u),
         "a softmax policy at the run's first beta": lambda o, u: softmax_choice(
-            o * scale, config.beta, u
+            o * scale, recording.config.beta, u
         ),
         "a softmax policy at beta = 1": lambda o, u: softmax_choice(o * scale, 1.0, u),
         "a softmax policy without lambda": lambda o, u: softmax_choice(o, beta, u),
@@ -216,10 +261,13 @@ def explained(recording: Recording, uniforms: list[float]) -> str:
         "": uniforms,
         " with one random number for all steps": [uniforms[0]] * len(uniforms),
     }
-    actions = recording.episode.actions.tolist()
+    actions = recording.actions()
     for way, act in ways.items():
         for order, numbers in orders.items():
-            pairs = zip(outputs, numbers, actions, strict=True)
-            if all(action in act(o, u) for o, u, action in pairs):
+            answers = (
+                [act(own, u) for own, u in zip(parts(o, recording.dims), us, strict=True)]
+                for o, us in zip(outputs, numbers, strict=True)
+            )
+            if all(is_one_of(a, [one]) for a, one in zip(actions, answers, strict=True)):
                 return f"it is {way}{order}"
     return ""

@@ -3,11 +3,15 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
 import torch
 from torch import Tensor
 
-from bpn.verify.play import Policy, inverse_temperature
+from bpn.verify import draws
+from bpn.verify.play import Policy, inverse_temperature, observations
+from bpn_shared.camera.disturbed import EpisodeCamera
 from bpn_shared.spec.config import RunConfig
+from bpn_shared.spec.disturbances import parse
 
 COMPUTED = ("cvi", "dqn")
 """The targets that are computed here; of others, which are somebody's own, only what they leave is looked at."""
@@ -19,7 +23,7 @@ class Played:
 
     Attributes:
         seen: s_0..s_T, uint8[T+1, C, h, w].
-        actions: int64[T].
+        actions: int64[T, D], the choice in each dimension.
         rewards: float64[T], unscaled.
         terminal: the last observation is the task's end, not a time limit.
         misses: control periods without an action in time.
@@ -37,15 +41,16 @@ class Targets:
     """What one update fits.
 
     Attributes:
-        seen: s of every transition of D in order, uint8[n, h, w, C].
-        actions: int64[n].
+        seen: s of every transition of D in order, uint8[n, h, w, C]; behind them, where the run asks
+            for it, the same with pictures that were disturbed for the update.
+        taken: the outputs that each action takes, one of each dimension, int64[n, D].
         y: float32[n].
         offset: c, what all preferences lack that are fitted to y (relative targets).
         max_preference: largest |P-(s, .)|.
     """
 
     seen: Tensor
-    actions: Tensor
+    taken: Tensor
     y: Tensor
     offset: float
     max_preference: float
@@ -73,12 +78,14 @@ def targets(
     iteration: int,
     D: Sequence[Played],
     policy: Policy,
+    *,
     offset: float,
     reward_scale: float,
 ) -> Targets:
     """Of all of D under the policy that the update begins with.
 
     CVI: y = r + gamma m(s') + alpha (P(s, a) - m(s)) with mellowmax m; DQN: y = r + gamma max_a P(s', a).
+    Where actions have several dimensions, P, m and max are sums over them.
     Without `bootstrap_terminals` what follows a terminal state is worth 0: -c beside preferences that lack c.
 
     Args:
@@ -87,16 +94,18 @@ def targets(
     """
     P_of = [policy.preferences(episode.seen) for episode in D]
     P, P_next = torch.cat([p[:-1] for p in P_of]), torch.cat([p[1:] for p in P_of])
-    actions = torch.cat([episode.actions for episode in D])
+    dims = config.task_spec.action_dims or (config.task_spec.actions,)
+    starts = torch.tensor([sum(dims[:d]) for d in range(len(dims))])
+    taken = torch.cat([episode.actions for episode in D]) + starts
     reward = torch.cat([(reward_scale * episode.rewards).float() for episode in D])
     ends = torch.cat([_ends(episode) for episode in D])
     is_cvi = config.algorithm_spec.targets == "cvi"
     beta = inverse_temperature(config, iteration)
 
-    following = mellowmax(P_next, beta) if is_cvi else P_next.amax(dim=1)
+    following = value_of(P_next, beta if is_cvi else None, dims)
     if not config.bootstrap_terminals:
         following = torch.where(ends, torch.tensor(-offset, dtype=torch.float32), following)
-    gap = P[torch.arange(len(P)), actions] - mellowmax(P, beta)
+    gap = P.gather(1, taken).sum(dim=1) - value_of(P, beta, dims)
     increased = config.alpha * (gap.clamp_min(-config.gap_floor) if config.gap_floor else gap)
     if config.n_step == 1:
         y = reward + config.gamma * following
@@ -113,8 +122,22 @@ def targets(
     if config.relative_targets:
         next_offset = config.gamma * offset + float(y.mean())
         y = y - y.mean()
-    seen = torch.cat([episode.seen[:-1] for episode in D]).permute(0, 2, 3, 1).contiguous()
-    return Targets(seen, actions, y, next_offset, float(P.abs().max()))
+    shown = [episode.seen for episode in D]
+    if config.augment:
+        shown += [_seen_again(config, iteration, k, episode) for k, episode in enumerate(D)]
+        taken, y = taken.repeat(2, 1), y.repeat(2)
+    seen = torch.cat([of_episode[:-1] for of_episode in shown]).permute(0, 2, 3, 1).contiguous()
+    return Targets(seen, taken, y, next_offset, float(P.abs().max()))
+
+
+def _seen_again(config: RunConfig, iteration: int, index: int, episode: Played) -> Tensor:
+    """An episode's observations, made of frames that the update disturbed."""
+    seed = draws.camera_seed(config.seed, iteration, index)
+    camera = EpisodeCamera(parse(config.augment), seed)
+    newest = episode.seen[:, -config.task_spec.frame_channels :].numpy()
+    frames = np.stack([camera.picture(frame, step) for step, frame in enumerate(newest)])
+    stacked = config.task_spec.frames_stacked
+    return observations(torch.from_numpy(frames), stacked, difference=config.difference)
 
 
 def _over_steps(
@@ -146,6 +169,13 @@ def _over_steps(
             sums.append(total + discount * following[end - 1])
         begin += length
     return torch.stack(sums)
+
+
+def value_of(P: Tensor, beta: float | None, dims: Sequence[int]) -> Tensor:
+    """The mellowmax of P [n, sum of dims] in each dimension, or without beta the maximum, summed up."""
+    parts = torch.split(P, list(dims), dim=1)
+    values = [part.amax(dim=1) if beta is None else mellowmax(part, beta) for part in parts]
+    return sum(values[1:], start=values[0])
 
 
 def mellowmax(P: Tensor, beta: float) -> Tensor:

@@ -57,7 +57,7 @@ def autograd(trainee: Trainee, data: Targets) -> Gradients:
 
     def gradients(rows: Tensor) -> float:
         P = trainee.forward(data.seen[rows])
-        taken = P.gather(1, data.actions[rows, None]).squeeze(1)
+        taken = P.gather(1, data.taken[rows]).sum(dim=1)
         loss = (data.y[rows] - taken).square().sum() / (2 * len(rows))
         trainee.adam.zero_grad()
         loss.backward()  # type: ignore[no-untyped-call]
@@ -78,7 +78,7 @@ def compiled(trainee: Trainee, data: Targets) -> Gradients:
         parameter.grad = slope
     # the kernel reads parameters and writes gradients in place
     values, written = ([v.detach().numpy() for v in of] for of in (trainee.parameters, slopes))
-    seen, taken, y = data.seen.numpy(), data.actions[:, None].numpy(), data.y.numpy()
+    seen, taken, y = data.seen.numpy(), data.taken.numpy(), data.y.numpy()
     if not trainee.binary:
         of_floats = _native.FloatKernel(path, layers)
         return lambda rows: of_floats.gradients(

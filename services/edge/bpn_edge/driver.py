@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from bpn_edge.decisions import DecisionFeed
 from bpn_edge.memory import WeightMemory
-from bpn_edge.policy import ActionSelector
+from bpn_edge.factored import JointSelector
 from bpn_edge.recorder import EpisodeRecorder
 from bpn_edge.robot_link import RobotLink
 from bpn_shared.bnn.envelope import BlobError
@@ -24,7 +24,7 @@ from bpn_shared.messages.frame import FrameHeader, FrameKind
 from bpn_shared.runtime.watchdog import STEPS_PLAYED
 from bpn_shared.runtime.worker import Worker
 from bpn_shared.spec.config import RunConfig
-from bpn_shared.spec.seeds import action_uniforms
+from bpn_shared.spec.seeds import choice_uniforms
 
 log = logging.getLogger(__name__)
 
@@ -61,7 +61,7 @@ class EpisodeDriver:
     def play(
         self,
         assignment: Assignment,
-        choose: ActionSelector,
+        choose: JointSelector,
         *,
         meanwhile: Callable[[], None] = lambda: None,
     ) -> Episode | None:
@@ -116,7 +116,7 @@ class EpisodeDriver:
 
 
 class _EpisodeSession:
-    """One episode while it is played. `on_frame` runs on the network thread, all else waits for `over`.
+    """One episode while it is played. `on_frame` runs on threads that receive, all else waits for `over`.
 
     A robot that was restarted begins again at step 0, and so does the recording: seed and weights are the
     same, hence so is the episode.
@@ -132,13 +132,16 @@ class _EpisodeSession:
         *,
         assignment: Assignment,
         reset_id: int,
-        choose: ActionSelector,
+        choose: JointSelector,
     ) -> None:
         self._worker, self._task, self._link, self._memory = worker, config.task_spec, link, memory
         self._feed, self._lockstep = feed, config.pacing == "lockstep"
         self._assignment, self._reset_id, self._choose = assignment, reset_id, choose
         # all at once: between two frames every instruction delays the sending of the last action
-        self._uniforms: list[float] = action_uniforms(assignment.seed, config.steps).tolist()
+        dims = len(self._task.dims)
+        self._uniforms: list[list[float]] = choice_uniforms(
+            assignment.seed, config.steps, dims
+        ).tolist()
         self.over = threading.Event()
         self.episode: Episode | None = None
         self.fault: str | None = None
@@ -188,8 +191,8 @@ class _EpisodeSession:
             sentence = f"is {header.kind.name}"
         elif first:
             pass
-        elif applied >= self._task.actions:
-            sentence = f"tells of action {applied}, the task has 0..{self._task.actions - 1}"
+        elif applied >= self._task.joint_actions:
+            sentence = f"tells of action {applied}, the task has 0..{self._task.joint_actions - 1}"
         elif self._lockstep and answer is not None and applied != answer.action:
             sentence = f"tells of action {applied}, it was given {answer.action}"
         elif self._task.told_rewards and not isfinite(header.reward):
@@ -200,6 +203,9 @@ class _EpisodeSession:
         ends = header.kind.ends_episode
         if self._answer is not None and header.step == self._answer.step and not ends:
             self._link.send(self._answer)  # the robot did not hear us
+            return
+        if self._recorder.holds(header):  # it went two ways, and the other was faster
+            self._worker.counters.add("frames_that_came_twice")
             return
         if header.kind == FrameKind.FIRST and self._recorder.next_step > 0:
             self._worker.counters.add("episodes_begun_again")

@@ -1,44 +1,35 @@
-"""From the outputs of a network with several action dimensions to a joint action: each dimension by itself.
+"""From the outputs of a network to an action of one or several dimensions: each dimension is chosen by itself.
 
 The softmax over all joint actions is the product of those over the dimensions, and the best joint action is made
-of the best choices (docs/algorithms/factored.md), so neither ever lists the joint actions.
+of the best choices (docs/factored-actions.md), so nothing ever lists the joint actions.
 """
 
 from collections.abc import Callable, Sequence
+from itertools import accumulate
 
-from bpn_edge.policy import epsilon_greedy_action, softmax_action
 from bpn_shared.bnn.outputs import Outputs
 from bpn_shared.spec.joint_actions import joined
 
-Choose = Callable[[Outputs, float], int]
-"""From one dimension's outputs and a uniform number in [0, 1) to its choice."""
+ActionSelector = Callable[[Outputs, float], int]
+"""From the outputs of one dimension [n_d] and a uniform number in [0, 1) to a choice 0..n_d-1; a pure function."""
+JointSelector = Callable[[Outputs, Sequence[float]], int]
+"""From all outputs, the dimensions' side by side, and a uniform number for each dimension to an action's number."""
 
 
-def softmax_joint_action(
-    outputs: Outputs, dims: Sequence[int], scale: float, beta: float, uniforms: Sequence[float]
-) -> int:
-    """The joint action that the softmax policy draws: inverse CDF in each dimension.
+def joint_selector(choose: ActionSelector, dims: Sequence[int]) -> JointSelector:
+    """Chooses in each dimension of n_d choices as a selector of one dimension does."""
+    if len(dims) == 1:
+        return lambda outputs, uniforms: choose(outputs, uniforms[0])
+    ends = list(accumulate(dims))
+    slices = [slice(end - n, end) for end, n in zip(ends, dims, strict=True)]
 
-    Args:
-        outputs: [sum of dims], o or P, the dimensions' side by side.
-        scale: lambda, or 1.
-        beta: inverse temperature.
-        uniforms: a number in [0, 1) for each dimension.
-    """
-    return _each(outputs, dims, uniforms, lambda own, u: softmax_action(own, scale, beta, u))
+    def select(outputs: Outputs, uniforms: Sequence[float]) -> int:
+        pairs = zip(slices, uniforms, strict=True)
+        return joined([choose(outputs[part], uniform) for part, uniform in pairs], dims)
 
-
-def epsilon_greedy_joint_action(
-    outputs: Outputs, dims: Sequence[int], epsilon: float, uniforms: Sequence[float]
-) -> int:
-    """In each dimension, with probability epsilon any choice, else the first of the best."""
-    return _each(outputs, dims, uniforms, lambda own, u: epsilon_greedy_action(own, epsilon, u))
+    return select
 
 
-def _each(outputs: Outputs, dims: Sequence[int], uniforms: Sequence[float], choose: Choose) -> int:
-    choices: list[int] = []
-    first = 0
-    for choices_there, uniform in zip(dims, uniforms, strict=True):
-        choices.append(choose(outputs[first : first + choices_there], uniform))
-        first += choices_there
-    return joined(choices, dims)
+def epsilon_of_each(epsilon: float, dims: int) -> float:
+    """The share of random choices in a dimension with which a share epsilon of actions are not all greedy."""
+    return epsilon if dims == 1 else 1 - (1 - epsilon) ** (1 / dims)

@@ -1,34 +1,40 @@
 """From the network's outputs to an action: softmax (the paper's Eq. 9), epsilon-greedy (DQN), or one's own.
 
-An action selection is an entry point of the group `bpn.selections`: a `Selection`. Plain floats on purpose: for
-|A| <= 64 numbers numpy's calls cost more than the arithmetic, and this is on the way from camera to action.
+An action selection is an entry point of the group `bpn.selections`: a `Selection`. Where an action has several
+dimensions, it chooses in each of them by itself. Plain floats on purpose: for |A| <= 64 numbers numpy's calls cost
+more than the arithmetic, and this is on the way from camera to action.
 """
 
 from collections.abc import Callable
+from functools import cache
 from math import exp
 
 import numpy as np
 
+from bpn_edge.factored import ActionSelector, JointSelector, epsilon_of_each, joint_selector
 from bpn_shared import plugins
 from bpn_shared.bnn.outputs import Outputs
 from bpn_shared.messages.control import Assignment
 from bpn_shared.spec.config import RunConfig
 
-ActionSelector = Callable[[Outputs, float], int]
-"""From outputs [|A|] and a uniform number in [0, 1) to an action 0..|A|-1; a pure function."""
 Selection = Callable[[RunConfig, Assignment, float], ActionSelector]
 """Of a configuration, an episode that is to be played, and the policy's scale, P = scale * outputs."""
 
 
-def action_selector(config: RunConfig, assignment: Assignment, scale: float) -> ActionSelector:
+def action_selector(config: RunConfig, assignment: Assignment, scale: float) -> JointSelector:
     """What an episode is to be played with.
 
     Raises:
         PluginError: the assignment's selection is not installed here, or broken.
     """
-    plugin = plugins.find(plugins.SELECTIONS, assignment.policy)
-    selector: ActionSelector = plugin.call(config, assignment, scale)
-    return selector
+    selector: ActionSelector = _selection(assignment.policy).call(config, assignment, scale)
+    return joint_selector(selector, config.task_spec.dims)
+
+
+@cache
+def _selection(name: str) -> plugins.Plugin:
+    """The installed one: looking it up reads what all distributions say of themselves, several ms an episode."""
+    return plugins.find(plugins.SELECTIONS, name)
 
 
 def softmax(config: RunConfig, assignment: Assignment, scale: float) -> ActionSelector:
@@ -37,9 +43,9 @@ def softmax(config: RunConfig, assignment: Assignment, scale: float) -> ActionSe
     return lambda outputs, uniform: softmax_action(outputs, scale, beta, uniform)
 
 
-def epsilon_greedy(_config: RunConfig, assignment: Assignment, _scale: float) -> ActionSelector:
-    """The `Selection` of DQN."""
-    epsilon = assignment.epsilon
+def epsilon_greedy(config: RunConfig, assignment: Assignment, _scale: float) -> ActionSelector:
+    """The `Selection` of DQN; of several dimensions, a share epsilon of actions is random in one or more."""
+    epsilon = epsilon_of_each(assignment.epsilon, len(config.task_spec.dims))
     return lambda outputs, uniform: epsilon_greedy_action(outputs, epsilon, uniform)
 
 

@@ -7,6 +7,7 @@ from bpn_shared.bnn.outputs import Outputs
 from bpn_shared.messages.control import Assignment
 from bpn_shared.messages.episode import Episode, EpisodeMeta
 from bpn_shared.messages.frame import FrameHeader, FrameKind
+from bpn_shared.spec.joint_actions import all_parted
 from bpn_shared.spec.observation import stack
 from bpn_shared.spec.tasks import TaskSpec
 
@@ -27,6 +28,11 @@ class EpisodeRecorder:
     def next_step(self) -> int:
         """The step of the frame that has to come next."""
         return len(self._frames)
+
+    def holds(self, header: FrameHeader) -> bool:
+        """Whether that very frame was added, not just another one of its step."""
+        step = header.step
+        return step < len(self._headers) and self._headers[step].t_capture_ns == header.t_capture_ns
 
     def add_frame(
         self, header: FrameHeader, pixels: npt.NDArray[np.uint8], t_receive_ns: int
@@ -75,6 +81,8 @@ class EpisodeRecorder:
     ) -> Episode:
         """The episode, once the last frame was added. Actions are those that the robot applied."""
         later, last = self._headers[1:], self._headers[-1]
+        dims = self._task.dims
+        actions = all_parted(np.array([header.applied_action for header in later], np.int64), dims)
         return Episode(
             meta=EpisodeMeta(
                 iteration=assignment.iteration,
@@ -90,7 +98,7 @@ class EpisodeRecorder:
                 duration_ns=self._received_ns[-1] - self._received_ns[0],
             ),
             frames=np.stack(self._frames),
-            actions=np.array([header.applied_action for header in later], np.uint8),
+            actions=(actions if len(dims) > 1 else actions[:, 0]).astype(np.uint8),
             rewards=np.array([header.reward for header in later], np.float64),
             outputs=np.stack(self._outputs),
             inference_ns=np.array(self._inference_ns, np.uint32),

@@ -1,5 +1,7 @@
 """A run's network and optimizer before its first update, as its configuration determines them."""
 
+import math
+
 import torch
 
 from bpn_learner.networks import PNetwork, make_network
@@ -29,12 +31,17 @@ def initial_policy(config: RunConfig) -> tuple[PNetwork, torch.optim.Optimizer]:
 
 def nearly_uniform_scale(config: RunConfig) -> float:
     """Lambda with which a policy of random signs is nearly uniform: beta P then varies by `_FIRST_SPREAD`."""
-    return _FIRST_SPREAD / (config.beta * config.hidden_units**0.5)
+    return _FIRST_SPREAD / (config.beta * math.sqrt(config.hidden_units))
 
 
 def has_gpu() -> bool:
     """Whether torch finds a GPU on this machine."""
     return torch.cuda.is_available()
+
+
+def name_of_gpu() -> str:
+    """What the GPU is called that torch finds; empty: it finds none."""
+    return str(torch.cuda.get_device_name()) if has_gpu() else ""
 
 
 def _device(config: RunConfig) -> torch.device:

@@ -44,7 +44,7 @@ class CudaGraphs:
     """Work on the GPU as CUDA graphs."""
 
     def __init__(self) -> None:
-        self._aside = torch.cuda.Stream()
+        self._aside = torch.cuda.Stream()  # type: ignore[no-untyped-call]
 
     def warm_up(self, work: Callable[[], Tensor]) -> Tensor:
         """On a stream aside, where torch wants what is captured later."""

@@ -17,12 +17,13 @@ class TargetInputs:
 
     Attributes:
         reward: r, float32[n].
-        action: a, int64[n].
+        action: a, int64[n]; of several dimensions int64[n, D], the choice in each.
         P_s: P-(s, .), float32[n, |A|].
         P_next: P-(s', .), float32[n, |A|].
         done: s' is terminal and worth `terminal`, bool[n]; None: its P- counts like any other's.
         terminal: what no further reward is worth; 0 unless preferences are relative, which lack -terminal.
         steps_left: of each one's episode, itself counted, int64[n]; episodes are one behind the other.
+        dims: choices of each dimension of the actions, whose preferences stand side by side; none: there is one.
     """
 
     reward: Tensor
@@ -32,6 +33,7 @@ class TargetInputs:
     done: Tensor | None = None
     terminal: float = 0.0
     steps_left: Tensor | None = None
+    dims: tuple[int, ...] = ()
 
 
 class TargetSettings(Protocol):
@@ -81,13 +83,15 @@ def cvi(data: TargetInputs, settings: TargetSettings) -> Tensor:
     """The `TargetFunction` of BPN, CVI and DPP."""
     correction = None
     if settings.n_step > 1:
-        gap, floored = cvi_gap(data.P_s, data.action, beta=settings.beta, floor=settings.gap_floor)
+        gap, floored = cvi_gap(
+            data.P_s, data.action, beta=settings.beta, floor=settings.gap_floor, dims=data.dims
+        )
         correction = gap - settings.alpha * floored
     over = over_steps(data, settings, correction)
     return cvi_target(
         over.reward, data.P_s, data.action, over.P_next,
         alpha=settings.alpha, beta=settings.beta, gamma=over.discount, done=over.done, terminal=data.terminal,
-        floor=settings.gap_floor,
+        floor=settings.gap_floor, dims=data.dims,
     )  # fmt: skip
 
 
@@ -95,7 +99,12 @@ def dqn(data: TargetInputs, settings: TargetSettings) -> Tensor:
     """The `TargetFunction` of BQN and DQN."""
     over = over_steps(data, settings)
     return dqn_target(
-        over.reward, over.P_next, gamma=over.discount, done=over.done, terminal=data.terminal
+        over.reward,
+        over.P_next,
+        gamma=over.discount,
+        done=over.done,
+        terminal=data.terminal,
+        dims=data.dims,
     )
 
 

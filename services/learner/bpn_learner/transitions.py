@@ -1,6 +1,6 @@
 """D as tensors: every frame once, observations gathered from frame indices."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields
 from typing import Self
 
@@ -9,6 +9,7 @@ import numpy.typing as npt
 import torch
 from torch import Tensor
 
+from bpn_shared.spec.config import RunConfig
 from bpn_shared.spec.observation import changes, frame_indices
 
 
@@ -18,7 +19,7 @@ class EpisodeData:
 
     Attributes:
         frames: uint8[T+1, c, rows, columns].
-        actions: integers [T].
+        actions: integers [T]; of several dimensions [T, D], the choice in each.
         rewards: float[T], unscaled.
         terminated: the task ended the episode, good or bad, not a time limit.
     """
@@ -37,7 +38,7 @@ class Transitions:
         frames: uint8[m, c, rows, columns].
         observations: int64[n, frames_stacked], the frames of s, oldest first.
         next_observations: int64[n, frames_stacked], the frames of s'.
-        actions: int64[n].
+        actions: int64[n], or int64[n, D].
         rewards: float32[n], scaled.
         done: bool[n], s' is a failure; a time limit is not.
         steps_left: int64[n], of the episode from s on, whose transitions are one behind the other.
@@ -137,6 +138,22 @@ class Transitions:
     def gather(self, stacks: Tensor) -> Tensor:
         """Observations of frame indices, see `gather_observations`."""
         return gather_observations(self.frames, stacks)
+
+    def parts(self, stacks: Tensor, size: int) -> Iterator[Tensor]:
+        """The same, `size` at once: all together may take many times the memory of the frames."""
+        return (self.gather(part) for part in torch.split(stacks, size))
+
+
+def data_of(
+    config: RunConfig, episodes: Sequence[EpisodeData], reward_scale: float = 1.0
+) -> Transitions:
+    """Episodes as a run's observations are made of them."""
+    return Transitions.from_episodes(
+        episodes,
+        frames_stacked=config.task_spec.frames_stacked,
+        difference=config.difference,
+        reward_scale=reward_scale,
+    )
 
 
 def gather_observations(frames: Tensor, stacks: Tensor) -> Tensor:

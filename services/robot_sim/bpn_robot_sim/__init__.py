@@ -5,20 +5,30 @@ Importing this package registers the environments with Gymnasium; it loads neith
 
 import gymnasium
 
-from bpn_tasks import specs
+from bpn_tasks import factored, specs
 
 ENVIRONMENTS = {
     "reaching": "bpn/Reaching-v0",
     "tracking": "bpn/Tracking-v0",
     "pan_tilt": "bpn/PanTilt-v0",
+    "reaching_both": "bpn/ReachingBoth-v0",
+    "pan_tilt_both": "bpn/PanTiltBoth-v0",
+    "arm": "bpn/Arm-v0",
 }
-"""Ids of the paper's tasks as environments, by task."""
+"""Ids of the tasks as environments, by task."""
 
 EPISODE_STEPS = {
     task.name: int(task.preset["steps"])
-    for task in (specs.reaching(), specs.tracking(), specs.pan_tilt())
+    for task in (
+        specs.reaching(),
+        specs.tracking(),
+        specs.pan_tilt(),
+        factored.reaching_both(),
+        factored.pan_tilt_both(),
+        factored.arm(),
+    )  # fmt: skip
 }
-"""T of each task, as the paper has it."""
+"""T of each task; of the paper's, as it has it."""
 
 for _name, _steps in EPISODE_STEPS.items():
     if ENVIRONMENTS[_name] not in gymnasium.registry:

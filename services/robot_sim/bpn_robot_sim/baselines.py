@@ -16,7 +16,7 @@ from bpn_robot_sim import EPISODE_STEPS
 from bpn_robot_sim.robots import make_robot
 
 Policy = Literal["greedy", "random", "hold"]
-MOVING_TARGETS = ("tracking", "pan_tilt")
+MOVING_TARGETS = ("tracking", "pan_tilt", "pan_tilt_both")
 
 
 class Follower(Robot, Protocol):
@@ -40,7 +40,7 @@ def play(robot: Follower, policy: Policy, seed: int, steps: int) -> Played:
     random = np.random.default_rng([seed, 1])
     choose: dict[Policy, Callable[[], int]] = {
         "greedy": robot.greedy_action,
-        "random": lambda: int(random.integers(robot.task.actions)),
+        "random": lambda: int(random.integers(robot.task.joint_actions)),
         "hold": lambda: robot.task.hold_action,
     }
     robot.reset(seed)

@@ -1,6 +1,7 @@
 """Every task's robot as a Gymnasium environment."""
 
 import operator
+from collections.abc import Sequence
 from typing import Any
 
 import gymnasium
@@ -10,11 +11,13 @@ import numpy.typing as npt
 from bpn_robot.frame import Frame
 from bpn_robot.robot import Info
 from bpn_robot_sim.robots import make_robot
+from bpn_shared.spec.joint_actions import joined
 
 
-class RobotEnv(gymnasium.Env[Frame, np.int64]):
+class RobotEnv(gymnasium.Env[Frame, Any]):
     """One step is one action, the physics until the servos have settled, and one frame.
 
+    An action is Discrete, or MultiDiscrete where the task's has several dimensions.
     Observation uint8[c, 84, 84]; reward in pixels (paper, section V-A), the distance after the move, negated.
     Terminated is the task's own end, a lost target; reaching has none. The environment has no time limit
     of its own: the registered one truncates.
@@ -31,7 +34,11 @@ class RobotEnv(gymnasium.Env[Frame, np.int64]):
         task = self.robot.task
         self.render_mode = render_mode
         self.observation_space = gymnasium.spaces.Box(0, 255, task.frame_shape, np.uint8)
-        self.action_space = gymnasium.spaces.Discrete(task.actions)
+        self.action_space: gymnasium.spaces.Space[Any] = (
+            gymnasium.spaces.Discrete(task.actions)
+            if len(task.dims) == 1
+            else gymnasium.spaces.MultiDiscrete(task.dims)
+        )
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -41,8 +48,13 @@ class RobotEnv(gymnasium.Env[Frame, np.int64]):
         frame = self.robot.reset(start_seed)
         return frame, self.robot.info()
 
-    def step(self, action: np.int64 | int) -> tuple[Frame, float, bool, bool, Info]:
-        self.robot.command(operator.index(action))
+    def step(
+        self, action: np.int64 | int | Sequence[int] | npt.NDArray[np.integer]
+    ) -> tuple[Frame, float, bool, bool, Info]:
+        dims = self.robot.task.dims
+        if len(dims) > 1 and isinstance(action, Sequence | np.ndarray):
+            action = joined([operator.index(choice) for choice in action], dims)
+        self.robot.command(operator.index(action))  # type: ignore[arg-type]
         self.robot.settle()
         frame = self.robot.frame()
         return frame, self.robot.reward(), self.robot.terminated, False, self.robot.info()

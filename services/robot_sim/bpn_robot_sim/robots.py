@@ -42,6 +42,11 @@ def pan_tilt(task: TaskSpec) -> Robot:
     return _of_scene("bpn_robot_sim.pan_tilt.robot:PanTiltRobot", task)
 
 
+def arm(task: TaskSpec) -> Robot:
+    """The arm with four joints; raises as `reaching`."""
+    return _of_scene("bpn_robot_sim.arm.robot:ArmRobot", task)
+
+
 def gym(task: TaskSpec) -> Robot:
     """A Gymnasium environment, for which modules are imported that this process's environment variable allows.
 

@@ -1,6 +1,6 @@
 """What robots of MuJoCo scenes have alike."""
 
-from collections.abc import Sized
+from collections.abc import Sequence
 
 from bpn_robot.frame import Frame
 from bpn_robot_sim.physics import Physics
@@ -14,7 +14,7 @@ class SceneRobot:
 
     Args:
         camera: its name in the model.
-        actions: those that the robot has.
+        ways: of which its actions may be, the choices of each dimension.
 
     Raises:
         ConfigError: the task has other actions.
@@ -25,10 +25,13 @@ class SceneRobot:
     success = None
     has_backlash = True
 
-    def __init__(self, task: TaskSpec, physics: Physics, camera: str, actions: Sized) -> None:
-        if task.actions != len(actions):
+    def __init__(
+        self, task: TaskSpec, physics: Physics, camera: str, ways: Sequence[tuple[int, ...]]
+    ) -> None:
+        if task.dims not in ways:
             raise ConfigError(
-                f"task {task.name!r} has {task.actions} actions, its robot {task.robot!r} has {len(actions)}"
+                f"task {task.name!r} has {_counted(task.dims)} actions, its robot {task.robot!r} has "
+                f"{' or '.join(map(_counted, ways))}"
             )
         self.task = task
         self._physics = physics
@@ -37,5 +40,12 @@ class SceneRobot:
     def frame(self) -> Frame:
         return self._camera.render(self._physics.data)
 
+    def stop(self) -> None:
+        """Nothing to do: its servos come to rest at their goals, and hold them."""
+
     def close(self) -> None:
         self._camera.close()
+
+
+def _counted(dims: tuple[int, ...]) -> str:
+    return " x ".join(map(str, dims))

@@ -5,8 +5,10 @@ from typing import Any
 
 from bpn_shared.errors import InputError
 from bpn_shared.spec.gym import GYM_NAME, GYM_PREFIX
+from bpn_shared.spec.joint_actions import parse_dims
 from bpn_shared.spec.network import (
     IMAGE_SIZE_PX,
+    MAX_ACTIONS,
     MAX_CHANNELS,
     MAX_IMAGE_SIZE_PX,
     MIN_IMAGE_SIZE_PX,
@@ -63,9 +65,21 @@ def spec(name: str, options: TaskOptions) -> TaskSpec:
     channels = options.frame_channels or 1
     stacked = options.frames_stacked or 2
     size = options.frame_px or IMAGE_SIZE_PX
-    if options.actions < 2:
+    dims = parse_dims(options.action_dims)
+    actions = options.actions or sum(dims)
+    if actions < 2:
         raise InputError(
-            f"actions = {options.actions}: give the number of actions of {name!r} (`bpn train` finds it out)"
+            f"actions = {actions}: give the number of actions of {name!r} (`bpn train` finds it out)"
+        )
+    if dims and sum(dims) != actions:
+        raise InputError(
+            f"action_dims = {options.action_dims!r} are {sum(dims)} choices together, actions = {actions}: leave "
+            "actions out"
+        )
+    if actions > MAX_ACTIONS:
+        raise InputError(
+            f"action_dims = {options.action_dims!r} are {actions} choices together, a policy has at most "
+            f"{MAX_ACTIONS}"
         )
     if channels == 2:
         raise InputError("frame_channels = 2 must be 1 (gray) or 3 (RGB)")
@@ -91,12 +105,19 @@ def spec(name: str, options: TaskOptions) -> TaskSpec:
         frames_stacked=stacked,
         frame_skip=skip,
         gym=gym,
-        action_names=tuple(f"action {number}" for number in range(options.actions)),
+        action_names=_names(dims or (actions,)),
+        action_dims=dims,
         control_period_s=CONTROL_PERIOD_S,  # without a meaning, as the hold action: it has no realtime pacing
         realtime=False,
         success="told",
         preset=preset(name),
     )
+
+
+def _names(dims: tuple[int, ...]) -> tuple[str, ...]:
+    if len(dims) == 1:
+        return tuple(f"action {number}" for number in range(dims[0]))
+    return tuple(f"action {d}: {choice}" for d, n in enumerate(dims) for choice in range(n))
 
 
 GYM = TaskFamily(

@@ -13,7 +13,9 @@ class Decision(Message):
     """One decision, of those at most 20 a second that are published.
 
     Attributes:
-        outputs: what the network said, one number per action: o, integers, or P of a float policy.
+        action: its number, of 0..joint_actions-1 of the task.
+        outputs: what the network said, one number per action: o, integers, or P of a float policy; of an action
+            of several dimensions, one per choice, the dimensions' side by side.
         scale: lambda, so that the action preferences are P = lambda * o (Eq. 14); 1 of a float policy.
         time_ns: unix time when the action had been sent.
     """
@@ -21,7 +23,7 @@ class Decision(Message):
     iteration: Count
     episode: Count
     step: Count
-    action: Count
+    action: Annotated[int, Field(ge=0, lt=ULONG)]
     outputs: Annotated[
         list[Annotated[float, Field(allow_inf_nan=False)]],
         Field(min_length=1, max_length=MAX_ACTIONS),

@@ -32,10 +32,11 @@ class Episode:
 
     Attributes:
         frames: uint8[T+1, c, rows, columns], each stored once.
-        actions: uint8[T], as the robot applied them.
+        actions: uint8[T], as the robot applied them; of several dimensions uint8[T, D], the choice in each.
         rewards: float64[T] as the robot knows them; NaN where it knows none, as a real one does. The paper's
             tasks are learned from the pixels alone.
-        outputs: [T, |A|], what the network said to every step's observation; int32 or float32.
+        outputs: [T, |A|], what the network said to every step's observation; int32 or float32. Of an action of
+            several dimensions one number for each choice, the dimensions' side by side.
         inference_ns: uint32[T], time in the kernel.
         camera_to_action_ns: uint32[T], on the robot's clock; 0 where no action came in time.
     """
@@ -79,9 +80,9 @@ class Episode:
         """
         parts = unpack(data)
         steps = parts.steps
-        actions = _array("actions", parts.actions, np.uint8, (steps,))
-        if actions.max() >= task.actions:
-            raise MessageError(f"episode: action {actions.max()} is outside 0..{task.actions - 1}")
+        shape = (steps,) if len(task.dims) == 1 else (steps, len(task.dims))
+        actions = _array("actions", parts.actions, np.uint8, shape)
+        _check_actions(actions, task)
         return cls(
             meta=parts.meta,
             frames=_inflate(parts.frames, (steps + 1, *task.frame_shape)),
@@ -109,6 +110,15 @@ def decode_meta(data: bytes) -> tuple[EpisodeMeta, int]:
     """
     parts = unpack(data)
     return parts.meta, parts.steps
+
+
+def _check_actions(actions: npt.NDArray[np.uint8], task: TaskSpec) -> None:
+    for d, (most, choices) in enumerate(
+        zip(actions.reshape(len(actions), -1).max(axis=0).tolist(), task.dims, strict=True)
+    ):
+        if most >= choices:
+            where = f" of dimension {d}" if len(task.dims) > 1 else ""
+            raise MessageError(f"episode: action {most}{where} is outside 0..{choices - 1}")
 
 
 def _array(

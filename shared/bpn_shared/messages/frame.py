@@ -10,9 +10,13 @@ import numpy.typing as npt
 
 from bpn_shared.messages.base import MessageError, OtherVersionError
 
-SCHEMA = 3
-_HEADER = struct.Struct("<BBBBBxxxIIIQQIId")
-NO_ACTION = 255
+SCHEMA = 4
+_HEADER = struct.Struct("<BBBBIIIQQQIId")
+HEADER_BYTES = _HEADER.size
+_OLDER = struct.Struct("<BBBBBxxxIIIQQIId")
+"""Schema 3: an action was a byte, and stood before the success."""
+NO_ACTION = 2**64 - 1
+_NO_ACTION_BYTE = 255
 NO_SUCCESS = 255
 NO_REWARD = math.nan
 
@@ -39,7 +43,7 @@ class FrameHeader(NamedTuple):
     Attributes:
         reset_id: names the reset that began this episode; frames of another one are not ours.
         step: t of this frame, 0..T.
-        applied_action: the action that led here; `NO_ACTION` in the first frame.
+        applied_action: the action that led here, its number; `NO_ACTION` in the first frame.
         t_capture_ns: the robot's monotonic clock when the frame was taken.
         camera_to_action_ns: from the capture of the frame before to the arrival of its action
             (0: none arrived in time), on the robot's clock; at most `LONGEST_NS`.
@@ -65,38 +69,38 @@ class FrameHeader(NamedTuple):
         """The header as bytes."""
         success = NO_SUCCESS if self.success is None else self.success
         return _HEADER.pack(
-            SCHEMA, self.kind, self.channels, self.applied_action, success, self.iteration, self.episode,
-            self.step, self.reset_id, self.t_capture_ns, self.camera_to_action_ns, self.deadline_misses,
-            self.reward,
+            SCHEMA, self.kind, self.channels, success, self.iteration, self.episode, self.step,
+            self.reset_id, self.applied_action, self.t_capture_ns, self.camera_to_action_ns,
+            self.deadline_misses, self.reward,
         )  # fmt: skip
 
     @classmethod
     def decode(cls, data: bytes) -> "FrameHeader":
-        """Reads `encode`'s bytes.
+        """Reads `encode`'s bytes, and those of the schema before.
 
         Raises:
-            OtherVersionError: another schema.
+            OtherVersionError: a schema that this program does not read.
             MessageError: another size or kind, an infinite reward, or a success that is none.
         """
-        if data and data[0] != SCHEMA:
-            raise OtherVersionError(f"frame header: schema {data[0]}, this program reads {SCHEMA}")
-        if len(data) != _HEADER.size:
-            raise MessageError(f"frame header: {len(data)} bytes, expected {_HEADER.size}")
-        (
-            _,
-            kind,
-            channels,
-            applied,
-            success,
-            iteration,
-            episode,
-            step,
-            reset_id,
-            t_ns,
-            loop_ns,
-            misses,
-            reward,
-        ) = _HEADER.unpack(data)
+        schema = data[0] if data else SCHEMA
+        if schema not in (SCHEMA - 1, SCHEMA):
+            raise OtherVersionError(
+                f"frame header: schema {schema}, this program reads {SCHEMA - 1} and {SCHEMA}"
+            )
+        form = _HEADER if schema == SCHEMA else _OLDER
+        if len(data) != form.size:
+            raise MessageError(f"frame header: {len(data)} bytes, expected {form.size}")
+        numbers = form.unpack(data)
+        if schema == SCHEMA:
+            _, kind, channels, success, iteration, episode, step, reset_id, applied, *others = (
+                numbers
+            )
+        else:
+            _, kind, channels, applied, success, iteration, episode, step, reset_id, *others = (
+                numbers
+            )
+            applied = NO_ACTION if applied == _NO_ACTION_BYTE else applied
+        t_ns, loop_ns, misses, reward = others
         if kind >= len(_KINDS):
             raise MessageError(f"frame header: kind {kind} is none of 0..{len(_KINDS) - 1}")
         if math.isinf(reward):

@@ -2,10 +2,11 @@
 
 from typing import Annotated, ClassVar, Literal
 
-from pydantic import Field
+from pydantic import Field, Strict
 
 from bpn_shared.messages.base import Message
 from bpn_shared.spec.gym import GymOptions
+from bpn_shared.spec.network import MAX_ACTION_DIMS
 
 MAX_NAME = 256
 MAX_SENTENCE = 500
@@ -26,8 +27,15 @@ class ProbeRequest(Message, GymOptions):
 class ProbeReply(Message):
     """What was found; an environment that cannot be a task is a refusal, whose message is the reason."""
 
+    SCHEMA: ClassVar[int] = 2
+    OLDER_SCHEMAS: ClassVar[frozenset[int]] = frozenset({1})
+
     actions: Annotated[int, Field(ge=2)]
-    """|A|."""
+    """|A|, or the choices of all dimensions together."""
+    dims: Annotated[
+        tuple[Annotated[int, Field(ge=2)], ...], Field(max_length=MAX_ACTION_DIMS), Strict(False)
+    ] = ()
+    """Choices of each dimension of its actions; none: there is one."""
     seen: Literal["observations", "renders"]
     """Where its frames come from."""
     note: Annotated[str, Field(max_length=MAX_SENTENCE)] = ""

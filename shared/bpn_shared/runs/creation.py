@@ -11,6 +11,7 @@ from typing import Any, Literal, Protocol
 from bpn_shared.messages.probe import ProbeReply, ProbeRequest
 from bpn_shared.spec.config import ConfigError, RunConfig
 from bpn_shared.spec.installed import preset_of
+from bpn_shared.spec.joint_actions import format_dims
 from bpn_shared.spec.tasks import is_gym
 
 _ANY_ACTIONS = 2
@@ -74,7 +75,8 @@ def _found_out(config: RunConfig, place: Workplace) -> dict[str, Any]:
     options = dict(config.alone())
     found = place.probe(ProbeRequest(task=config.task, frame_channels=channels, **options))
     if found is not None:
-        return {"actions": found.actions, "frames_from": found.seen}
+        dims = format_dims(found.dims if len(found.dims) > 1 else ())
+        return {"actions": found.actions, "action_dims": dims, "frames_from": found.seen}
     actions = preset_of(config.task).get("actions")
     if actions is None:
         raise ConfigError(
@@ -96,4 +98,5 @@ def _checked(values: Mapping[str, Any]) -> RunConfig:
 
 
 def _lacks_actions(values: Mapping[str, Any]) -> bool:
-    return is_gym(str(values.get("task", ""))) and values.get("actions") in (None, 0, "0")
+    given = values.get("actions") not in (None, 0, "0") or values.get("action_dims")
+    return is_gym(str(values.get("task", ""))) and not given

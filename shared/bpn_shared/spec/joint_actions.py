@@ -1,6 +1,7 @@
 """Actions of several dimensions as one number: a choice in each dimension, the last one counting fastest.
 
-Messages and episodes carry that number, so that one dimension is no special case: its choice is the action.
+Frames, actions and decisions carry that number, and robots are told it, so that one dimension is no special case:
+its choice is the action. Episodes have the choices, which is what a policy learns from.
 """
 
 import math
@@ -46,6 +47,26 @@ def parted(action: int, dims: Sequence[int]) -> tuple[int, ...]:
         action, choice = divmod(action, choices_there)
         choices.append(choice)
     return tuple(reversed(choices))
+
+
+def format_dims(dims: Sequence[int]) -> str:
+    """What `parse_dims` reads."""
+    return ",".join(map(str, dims))
+
+
+def parse_dims(text: str) -> tuple[int, ...]:
+    """Reads "7,7,3": choices of each of several dimensions; nothing, or a single number, is none.
+
+    Raises:
+        ValueError: it is no such list.
+    """
+    parts = [part.strip() for part in text.split(",")] if text.strip() else []
+    for part in parts:
+        if not (part.isascii() and part.isdigit() and len(part) <= 2 and int(part) >= 2):
+            raise ValueError(
+                f"{part!r} is no number of choices: a list of them, 2 or more for each dimension, such as 7,7,3"
+            )
+    return tuple(map(int, parts)) if len(parts) > 1 else ()
 
 
 def all_parted(actions: npt.NDArray[np.integer], dims: Sequence[int]) -> npt.NDArray[np.int64]:

@@ -4,6 +4,7 @@ Only whoever creates a run looks a task up by its name (`bpn_shared.spec.install
 specification, and find the parts that they need, robot or rewards, by the names in it.
 """
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal, Self
@@ -12,8 +13,10 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, field_validat
 
 from bpn_shared.spec.disturbances import Disturbances, parse, shown
 from bpn_shared.spec.gym import GYM_PREFIX, OFF, GymOptions
+from bpn_shared.spec.joint_actions import format_dims, parse_dims, parted
 from bpn_shared.spec.network import (
     IMAGE_SIZE_PX,
+    MAX_ACTION_DIMS,
     MAX_ACTIONS,
     MAX_CHANNELS,
     MAX_IMAGE_SIZE_PX,
@@ -68,6 +71,15 @@ class TaskOptions(GymOptions):
     actions: Annotated[
         int, Field(ge=0, le=MAX_ACTIONS, description="gym tasks: |A|; 0: found out by `bpn train`")
     ] = 0
+    action_dims: Annotated[
+        str,
+        AfterValidator(lambda text: format_dims(parse_dims(text))),
+        Field(
+            max_length=200,
+            description="gym tasks: choices of each dimension of an action, 3,3 say; empty: one dimension of |A|, or "
+            "found out with it",
+        ),
+    ] = ""
     disturb: Annotated[
         str,
         AfterValidator(lambda text: shown(parse(text))),
@@ -97,9 +109,11 @@ class TaskSpec(BaseModel):
         frame_px: rows and columns of a frame.
         frames_stacked: frames in one observation; C = frame_channels * frames_stacked.
         frame_skip: steps of a Gymnasium environment that one action takes.
-        action_names: what each action does, with its unit; |A| of them.
+        action_names: what each action does, with its unit; |A| of them. Of an action of several dimensions, what
+            each choice does, the dimensions' side by side as a policy's outputs are.
+        action_dims: how many of them each dimension has; none: there is one dimension (docs/factored-actions.md).
         hold_action: the action that leaves the robot where it is; what a robot did when no action
-            came in time (realtime pacing).
+            came in time (realtime pacing). As all actions, a number of 0..joint_actions-1.
         control_period_s: time between two frames in realtime pacing.
         gym: how the environment of a gym: task is made and looked at.
         realtime: whether the robot has a clock of its own, so that realtime pacing is possible.
@@ -122,6 +136,9 @@ class TaskSpec(BaseModel):
     frames_stacked: Annotated[int, Field(ge=1, le=MAX_CHANNELS)] = 1
     frame_skip: Annotated[int, Field(ge=1, le=100)] = 1
     action_names: Annotated[tuple[_ActionName, ...], Field(min_length=2, max_length=MAX_ACTIONS)]
+    action_dims: Annotated[
+        tuple[Annotated[int, Field(ge=2)], ...], Field(max_length=MAX_ACTION_DIMS)
+    ] = ()
     hold_action: Annotated[int, Field(ge=0)] = 0
     control_period_s: Annotated[float, Field(gt=0, le=60)]
     gym: GymOptions = OFF
@@ -145,9 +162,14 @@ class TaskSpec(BaseModel):
                 f"frames_stacked = {self.frames_stacked} of {self.frame_channels} channels: an observation has "
                 f"at most {MAX_CHANNELS} channels"
             )
-        if self.hold_action >= self.actions:
+        if sum(self.dims) != self.actions or len(self.action_dims) == 1:
             raise ValueError(
-                f"hold_action = {self.hold_action}: there are the actions 0..{self.actions - 1}"
+                f"action_dims = {list(self.action_dims)}: they have to be several, and {self.actions} together, as "
+                "there are action_names; leave them out where an action has one dimension"
+            )
+        if self.hold_action >= self.joint_actions:
+            raise ValueError(
+                f"hold_action = {self.hold_action}: there are the actions 0..{self.joint_actions - 1}"
             )
         if (self.success == "last_reward") != (self.success_reward is not None):
             raise ValueError("success_reward belongs to success = last_reward, and to no other")
@@ -173,8 +195,38 @@ class TaskSpec(BaseModel):
 
     @property
     def actions(self) -> int:
-        """|A|."""
+        """Outputs of its policies: |A|, or the choices of all dimensions together."""
         return len(self.action_names)
+
+    @property
+    def dims(self) -> tuple[int, ...]:
+        """Choices of each dimension of an action; of one dimension, |A|."""
+        return self.action_dims or (self.actions,)
+
+    @property
+    def joint_actions(self) -> int:
+        """How many actions there are; of one dimension, |A|."""
+        return math.prod(self.dims)
+
+    def choices(self, action: int) -> tuple[int, ...]:
+        """An action's choice in each dimension, by its number (`joint_actions`).
+
+        Raises:
+            ValueError: there is no such action.
+        """
+        return parted(action, self.dims)
+
+    def action_name(self, action: int) -> str:
+        """What an action does.
+
+        Raises:
+            ValueError: there is no such action.
+        """
+        first, names = 0, []
+        for choice, choices in zip(self.choices(action), self.dims, strict=True):
+            names.append(self.action_names[first + choice])
+            first += choices
+        return ", ".join(names)
 
     @property
     def frame_shape(self) -> tuple[int, int, int]:
@@ -190,12 +242,13 @@ class TaskSpec(BaseModel):
         """
         return NetworkSpec(
             self.frame_channels * self.frames_stacked, hidden_units, self.actions,
-            convolutions=convolutions, image_px=self.frame_px,
+            convolutions=convolutions, image_px=self.frame_px, action_dims=self.dims,
         )  # fmt: skip
 
     def options(self) -> dict[str, Any]:
         """What `TaskOptions` say of this task."""
         values: dict[str, Any] = dict(self.gym) | {"disturb": shown(self.disturbances)}
+        values["action_dims"] = format_dims(self.action_dims)
         own = (name for name in TaskOptions.model_fields if name not in values)
         return values | {name: getattr(self, name) for name in own}
 

@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from bpn_shared.spec.network import IMAGE_SIZE_PX
+from bpn_tasks.factored import PAN_TILT_TURNS_DEG
 from bpn_tasks.framing import MIDDLE_PX
 from bpn_tasks.specs import CONTROL_PERIOD_S
 
@@ -35,15 +36,24 @@ PHASE_PER_S = 360.0 / (STEPS_PER_FIGURE * CONTROL_PERIOD_S)
 AGENT_LIMITS_DEG = (40.0, 30.0)
 """Nowhere beyond them does the camera see the marker; the backdrop fills its frame up to here."""
 
-_LABELS_DEG = (-4, -2, 0, 2, 4)
-_TURNS_DEG = tuple(n for n in _LABELS_DEG if n)
+_TURNS_DEG = tuple(n for n in PAN_TILT_TURNS_DEG if n)
 ACTIONS_DEG = (
-    *((0, n) for n in _LABELS_DEG),
+    *((0, n) for n in PAN_TILT_TURNS_DEG),
     *((n, 0) for n in _TURNS_DEG),
     *((-n, n) for n in _TURNS_DEG),
     *((n, n) for n in _TURNS_DEG),
 )
 """(Pan, tilt) of each action 0..16. The paper prints (n,-n) for the last four, which are the four before."""
+WAYS = (len(ACTIONS_DEG),), (len(PAN_TILT_TURNS_DEG),) * 2
+"""Choices of each dimension of a task's actions: the paper's, or each servo by itself."""
+
+
+def turns_deg(choices: tuple[int, ...]) -> Angles:
+    """How far an action turns the units' goals."""
+    if len(choices) == 1:
+        return ACTIONS_DEG[choices[0]]
+    pan, tilt = choices
+    return PAN_TILT_TURNS_DEG[pan], PAN_TILT_TURNS_DEG[tilt]
 
 
 def target_deg(phase_deg: float) -> Angles:

@@ -29,7 +29,7 @@ class PanTiltRobot(SceneRobot):
 
     def __init__(self, task: TaskSpec) -> None:
         physics = Physics(scene.mjcf(), {"backdrop": backdrop.pixels()})
-        super().__init__(task, physics, "eye", geometry.ACTIONS_DEG)
+        super().__init__(task, physics, "eye", geometry.WAYS)
         model = physics.model
         self._camera_id, self._marker_id = model.camera("eye").id, model.body("marker").id
         self._start(phase_deg=0.0)
@@ -80,7 +80,9 @@ class PanTiltRobot(SceneRobot):
         """The action that points the camera closest to where the marker's goal will be after the next step."""
         next_deg = self._phase_deg() + geometry.PHASE_PER_S * self.task.control_period_s
         aim_deg = geometry.aim_deg(geometry.marker_m(geometry.target_deg(next_deg)))
-        goals_deg = np.array([self._goal_after(action) for action in range(self.task.actions)])
+        goals_deg = np.array(
+            [self._goal_after(action) for action in range(self.task.joint_actions)]
+        )
         return int(np.argmin(np.linalg.norm(goals_deg - aim_deg, axis=1)))
 
     def _start(self, phase_deg: float, seed: int = 0) -> None:
@@ -99,7 +101,7 @@ class PanTiltRobot(SceneRobot):
             min(max(angle + turn, -limit), limit)
             for angle, turn, limit in zip(
                 self._commanded_deg,
-                geometry.ACTIONS_DEG[action],
+                geometry.turns_deg(self.task.choices(action)),
                 geometry.AGENT_LIMITS_DEG,
                 strict=True,
             )

@@ -1,16 +1,14 @@
 """The reaching task in numbers: arm, target, start, actions and the camera's pixels.
 
-Pixel coordinates are OpenCV's: x to the right, y down, the centre of the first pixel is (0, 0). The world
-is in metres with the arm's base in the origin, x to the right, y up; one pixel is one centimetre.
+Pixels and the world are those of `planar_arm.scene`.
 """
 
 from math import cos, radians, sin
 
-from bpn_shared.spec.network import IMAGE_SIZE_PX
+from bpn_robot_sim.planar_arm.scene import BASE_PX
+from bpn_tasks.factored import REACHING_TURNS_DEG
 from bpn_tasks.markers import REACHING_TARGET_RADIUS_PX
 
-PX_PER_M = 100.0
-BASE_PX = ((IMAGE_SIZE_PX - 1) / 2, (IMAGE_SIZE_PX - 1) / 2)
 LINK_LENGTHS_PX = (20.0, 18.0)
 """With the hand's radius they sum to 42, half the image: the workspace touches its border."""
 LINK_WIDTH_PX = 5.0
@@ -23,19 +21,9 @@ START_DEG = (-90, -60)
 TARGET_POSE_DEG = (30, 60)
 """The one pose of the grid whose hand is on the target; the optimum is there after four moves."""
 
-ROTATIONS_DEG = (-90, -45, -30, 0, 30, 45, 90)
+ROTATIONS_DEG = REACHING_TURNS_DEG
 ACTIONS_DEG = tuple((d, 0) for d in ROTATIONS_DEG) + tuple((0, d) for d in ROTATIONS_DEG)
 """(Joint 1, joint 2) rotation of each action 0..13."""
-
-
-def to_px(x_m: float, y_m: float) -> tuple[float, float]:
-    """Where a point of the world is in the image."""
-    return BASE_PX[0] + PX_PER_M * x_m, BASE_PX[1] - PX_PER_M * y_m
-
-
-def to_world(x_px: float, y_px: float) -> tuple[float, float]:
-    """The inverse of `to_px`, in metres."""
-    return (x_px - BASE_PX[0]) / PX_PER_M, (BASE_PX[1] - y_px) / PX_PER_M
 
 
 def hand_px(q1_deg: float, q2_deg: float) -> tuple[float, float]:

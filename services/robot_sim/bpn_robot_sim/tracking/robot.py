@@ -24,7 +24,7 @@ class TrackingRobot(SceneRobot):
     """
 
     def __init__(self, task: TaskSpec) -> None:
-        super().__init__(task, Physics(scene.mjcf()), "window", geometry.ACTIONS_PX)
+        super().__init__(task, Physics(scene.mjcf()), "window", [(len(geometry.ACTIONS_PX),)])
         self._start(phase_deg=0.0, window_px=geometry.ARC_CENTRE_PX[0])
 
     @property
@@ -69,7 +69,9 @@ class TrackingRobot(SceneRobot):
     def greedy_action(self) -> int:
         """The action that brings the window closest to where the target will be after the next step."""
         x_px, _ = geometry.target_world_px(self._phase_deg() + geometry.DEG_PER_STEP)
-        misses_px = [abs(self._goal_after(action) - x_px) for action in range(self.task.actions)]
+        misses_px = [
+            abs(self._goal_after(action) - x_px) for action in range(self.task.joint_actions)
+        ]
         return int(np.argmin(misses_px))
 
     def _start(self, phase_deg: float, window_px: float, seed: int = 0) -> None:
