@@ -11,12 +11,8 @@ import numpy as np
 import torch
 from torch import Tensor
 
-<<<<<<< HEAD
-from bpn_learner.cvi import NO_FLOOR
-from bpn_learner.gathering import RegressionBatch, gathered_gradients
-=======
 from bpn_learner.cvi import NO_FLOOR, outputs_taken
->>>>>>> main
+from bpn_learner.gathering import RegressionBatch, gathered_gradients
 from bpn_learner.group import SINGLE_PROCESS, Group
 from bpn_learner.networks import PNetwork
 from bpn_learner.policy_metrics import agreement, entropy
@@ -99,26 +95,6 @@ class UpdateConfig:
         )
 
 
-<<<<<<< HEAD
-=======
-@dataclass(frozen=True, eq=False)
-class RegressionBatch:
-    """What the minibatches of an update fit P to.
-
-    Attributes:
-        frames: uint8[m, c, rows, columns].
-        observations: int64[n, frames_stacked], frame indices as in `Transitions`.
-        actions: int64[n]; of several dimensions int64[n, D], the outputs that each action takes.
-        y: float32[n], the target of P(s, a).
-    """
-
-    frames: Tensor
-    observations: Tensor
-    actions: Tensor
-    y: Tensor
-
-
->>>>>>> main
 Gather = Callable[[RegressionBatch], AbstractContextManager[Group]]
 """Finds the learners that share an update, and tells them what to fit."""
 
@@ -198,14 +174,11 @@ def policy_update(
     y, offset = targets(
         transitions, P_target, P_next, settings, float(network.offset), network.spec.action_dims
     )
-<<<<<<< HEAD
-    if again is not None:
-        regression = regression.with_pictures(again.to(device))
-=======
     dims, actions = network.spec.action_dims, transitions.actions
     taken = outputs_taken(actions, dims) if len(dims) > 1 else actions
     regression = RegressionBatch(transitions.frames, transitions.observations, taken, y)
->>>>>>> main
+    if again is not None:
+        regression = regression.with_pictures(again.to(device))
     with gather(regression) as group:
         losses = fit(
             network, optimizer, regression, settings, rng, group=group, progress=progress, stop=stop
@@ -231,13 +204,8 @@ def policy_update(
 def _agreement(network: PNetwork, transitions: Transitions, P_target: Tensor) -> float:
     """Of the newest transitions: as many as cost little beside the update."""
     newest = transitions.observations[-LOOKED_AT:]
-<<<<<<< HEAD
     after = preferences(network, transitions.parts(newest, EVALUATION_BATCH))
-    return agreement(P_target[-LOOKED_AT:], after)
-=======
-    after = preferences(network, transitions.gather(newest))
     return agreement(P_target[-LOOKED_AT:], after, network.spec.action_dims)
->>>>>>> main
 
 
 def fit(
