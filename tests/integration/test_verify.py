@@ -42,6 +42,9 @@ RUNS = {
                          "--max-updates", "7", "--replay-transitions", "60", "--bootstrap-terminals", "false",
                          "--disturb", "noise=0..25,offset=-30..30,jpeg=30..90,backlash=2",
                          "--augment", "gain=0.5..1.5,noise=9"],
+    "factored": ["arm", "--alpha", "0.6", "--n-step", "2", "--gap-floor", "2", "--steps", "12"],
+    "factored bqn": ["pan_tilt_both", "--algorithm", "bqn", "--steps", "12", "--epsilon-initial", "0.7",
+                     "--epsilon-final", "0.3"],
     "two learners": ["reaching", "--learners", "2", "--alpha", "0.6", "--robots", "2"],
     "two float learners": ["reaching", "--algorithm", "cvi", "--learners", "2", "--alpha", "0.6"],
 }  # fmt: skip

@@ -1,5 +1,6 @@
 """A robot beside what `Robot` promises to whoever plays it."""
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -9,6 +10,7 @@ import numpy as np
 from bpn.testing.answers import CheckedRobot
 from bpn_robot.frame import Frame, is_flat
 from bpn_robot.robot import Robot
+from bpn_shared.spec.joint_actions import joined
 
 PERIODS_TO_REST = 5
 """Control periods within which a robot that was stopped has to be at rest."""
@@ -37,7 +39,7 @@ def check_robot(robot: Robot, *, steps: int = 30, seed: int = 0, repeatable: boo
 
     Args:
         robot: new, or of any state that `reset` ends.
-        steps: of each way to play; every action is among them.
+        steps: of each way to play; every action is among them, or every choice of each dimension.
         seed: of the actions, and of the first episode.
         repeatable: False for a real robot, whose camera never sees the same twice: frames are not compared.
 
@@ -57,10 +59,10 @@ def examine(robot: CheckedRobot, steps: int, seed: int) -> list[Played]:
     Returns:
         The episodes that were played in lockstep.
     """
-    actions = _some_actions(robot.task.actions, steps, seed)
+    actions = _some_actions(robot.task.dims, steps, seed)
     robot.stop()
     robot.reset(seed)
-    for wrong in (-1, robot.task.actions):
+    for wrong in (-1, robot.task.joint_actions):
         robot.refuse(wrong)
     in_lockstep = _play_twice(robot, seed, actions, lockstep, "settle()")
     _check_stop_at_rest(robot, seed, actions, in_lockstep)
@@ -95,11 +97,14 @@ def _command(robot: CheckedRobot, action: int) -> None:
     )
 
 
-def _some_actions(count: int, steps: int, seed: int) -> list[int]:
-    """Each of them once, then others at random."""
+def _some_actions(dims: Sequence[int], steps: int, seed: int) -> list[int]:
+    """Each choice of each dimension in one of them at least, then others at random."""
     rng = np.random.default_rng(seed)
-    others = rng.integers(count, size=max(0, steps - count))
-    return [*rng.permutation(count).tolist(), *others.tolist()]
+    most, count = max(dims), math.prod(dims)
+    others = rng.integers(count, size=max(0, steps - most))
+    orders = [np.resize(rng.permutation(n), most).tolist() for n in dims]
+    each = [joined(choices, dims) for choices in zip(*orders, strict=True)]
+    return [*each, *others.tolist()]
 
 
 def _play_twice(
@@ -201,7 +206,7 @@ def _play(robot: CheckedRobot, seed: int, actions: Sequence[int], move: Move) ->
 def _check_hold(robot: CheckedRobot, seed: int) -> None:
     """A robot that is given nothing is recorded as one that holds, so it has to do the same."""
     hold = robot.task.hold_action
-    other = (hold + 1) % robot.task.actions
+    other = (hold + 1) % robot.task.joint_actions
     seen = []
     for commanded in (True, False):
         robot.reset(seed)
@@ -213,6 +218,6 @@ def _check_hold(robot: CheckedRobot, seed: int) -> None:
         robot.advance(robot.task.control_period_s)
         seen.append(robot.frame())
     assert robot.alike(seen[0], seen[1]), (
-        f"{robot.who}: hold_action = {hold} ({robot.task.action_names[hold]!r}) does something else than no "
+        f"{robot.who}: hold_action = {hold} ({robot.task.action_name(hold)!r}) does something else than no "
         "command at all"
     )

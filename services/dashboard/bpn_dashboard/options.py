@@ -6,6 +6,7 @@ import ssl
 from pathlib import Path
 from urllib.parse import urlsplit
 
+from bpn_dashboard.alerts.webhook import Webhook
 from bpn_dashboard.database.engine import sqlite_url
 from bpn_dashboard.registry.retention import Rule
 from bpn_shared.bus.address import is_loopback
@@ -77,6 +78,14 @@ def argument_parser() -> argparse.ArgumentParser:
         help="write a token for who reads /metrics here",
     )
     parser.add_argument(
+        "--alert-webhook",
+        metavar="URL",
+        help="where alerts are sent by POST, signed: failed and stalled runs, silent robots, fallen returns",
+    )
+    parser.add_argument(
+        "--alert-secret", type=Path, metavar="FILE", help="the secret that signs them"
+    )
+    parser.add_argument(
         "--trash-days",
         type=float,
         default=KEPT_DAYS,
@@ -103,6 +112,19 @@ def retention(options: argparse.Namespace) -> Rule | None:
     if options.keep_runs is None and options.keep_days is None:
         return None
     return Rule(options.keep_runs, options.keep_days)
+
+
+def webhook(options: argparse.Namespace) -> Webhook | None:
+    """Where alerts go; None: nowhere but to open pages.
+
+    Raises:
+        ConfigError: half of it is missing, or wrong.
+    """
+    if (options.alert_webhook is None) != (options.alert_secret is None):
+        raise ConfigError("--alert-webhook and --alert-secret belong together")
+    if options.alert_webhook is None:
+        return None
+    return Webhook.read(options.alert_webhook, options.alert_secret)
 
 
 def database_url(state_dir: Path, url: str | None = None) -> str:
@@ -132,6 +154,7 @@ def check_options(options: argparse.Namespace) -> None:
         raise ConfigError(f"--trash-days {options.trash_days}: must be 0 or more days")
     if (rule := retention(options)) is not None:
         rule.check()
+    webhook(options)
     if (options.certificate is None) != (options.key is None):
         raise ConfigError("--certificate and --key belong together")
     if options.certificate is not None:
@@ -141,8 +164,8 @@ def check_options(options: argparse.Namespace) -> None:
     secure = options.certificate is not None or options.insecure_http
     if options.public_url is not None and not _is_public_url(options.public_url):
         raise ConfigError(
-            f"--public-url {options.public_url}: must be scheme, name and port, such as http://localhost:8000, and "
-            "where a proxy has it below a path that path without a slash at its end"
+            f"--public-url {options.public_url}: must be scheme, name and port, such as http://localhost:8000, "
+            "and where a proxy has it below a path that path without a slash at its end"
         )
     if not is_loopback(options.host) and not secure:
         raise ConfigError(

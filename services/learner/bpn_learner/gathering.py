@@ -24,7 +24,7 @@ class RegressionBatch:
     Attributes:
         frames: uint8[m, c, rows, columns].
         observations: int64[n, frames_stacked], frame indices as in `Transitions`.
-        actions: int64[n].
+        actions: int64[n]; of several dimensions int64[n, D], the outputs that each action takes.
         y: float32[n], the target of P(s, a).
     """
 

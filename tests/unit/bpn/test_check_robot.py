@@ -263,7 +263,7 @@ def frames(change: Callable[[Frame], Any]) -> Callable[[], Any]:
     (made(reward=lambda _: None), r"reward\(\) is None, not a float"),
     (made(truncated=property(raises(OSError("gone")))), "truncated raises OSError: gone$"),
     (made(info=lambda _: None), r"info\(\) is None, not a dict"),
-    (made(info=lambda _: {"bar_px": 3.0}), r"info\(\)\['bar_px'\] is 3.0, not a pair"),
+    (made(info=lambda _: {"bar_px": 3.0}), r"info\(\)\['bar_px'\] is 3.0, not a tuple"),
     (made(close=raises(OSError("busy"))), r"close\(\) raises OSError: busy; a robot that cannot go on raises"),
     (made(settle=raises(KeyError("servo"))), r"settle\(\) raises KeyError: 'servo'; .* raises RobotFault$"),
     (made(settle=raises(RobotFault("servo 2 is hot"))), r"settle\(\) has a fault: servo 2 is hot$"),

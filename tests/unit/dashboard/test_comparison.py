@@ -145,3 +145,25 @@ def test_no_runs_no_values_and_unknown_groups_are_said(client, start) -> None:
 
 def test_enough_seeds_are_those_whose_least_p_is_small_enough() -> None:
     assert [enough_seeds(tests) for tests in (1, 2, 10)] == [4, 5, 6]
+
+
+def test_distributions_of_episodes_give_every_seed_the_same_weight(client, start, store) -> None:
+    ids = start([((0.5, 0), -1.0), ((0.5, 1), -1.0), ((0.9, 0), -1.0)])
+    for run_id, rounds in zip(
+        ids, ([[0.0] * 8], [[10.0, 10.0]], [[5.0], [6.0, None]]), strict=True
+    ):
+        for iteration, returns in enumerate(rounds, 1):
+            store.folder(run_id).append_metrics({"iteration": iteration, "returns_px": returns})
+    (store.runs_dir / ids[2] / "metrics.jsonl").open("a").write("no line\n")
+    found = client.post("/api/v1/comparison/episodes", json={"filter": {}}).json()
+    first, second = found["groups"]
+    assert (found["edges"][0], found["edges"][-1], found["runs"]) == (0, 10, 3)
+    assert (first["episodes"], first["seeds"], second["episodes"]) == (10, 2, 2)
+    assert (first["shares"][0], first["shares"][-1]) == (0.5, 0.5)
+    assert sum(second["shares"]) == pytest.approx(1)
+    newest = {"filter": {}, "iterations": 1}
+    assert (
+        client.post("/api/v1/comparison/episodes", json=newest).json()["groups"][1]["episodes"] == 1
+    )
+    none = {"filter": {"task": "tracking"}}
+    assert client.post("/api/v1/comparison/episodes", json=none).json()["groups"] == []

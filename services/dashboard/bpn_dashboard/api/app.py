@@ -25,6 +25,7 @@ from bpn_dashboard.api import (
     system,
     trash,
     views,
+    watch,
 )
 from bpn_dashboard.api.context import Context, Viewer
 from bpn_dashboard.api.openapi import describe
@@ -79,7 +80,7 @@ def create_app(
     # Paths with a name in place of a run's id come before those with the id.
     for module in (
         session, overviews, queue, runs, trash, sweeps, series, comparison, artefacts, episodes, logs,
-        system, views,
+        system, views, watch,
     ):  # fmt: skip
         app.include_router(module.router, prefix=PREFIX)
 

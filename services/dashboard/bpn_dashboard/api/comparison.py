@@ -2,6 +2,7 @@
 
 from typing import Annotated, Any, Literal
 
+import numpy as np
 import orjson
 from fastapi import APIRouter, Response
 from pydantic import BaseModel, Field
@@ -14,32 +15,38 @@ from bpn_dashboard.api.groups import Group, group_runs
 from bpn_dashboard.api.models import MAX_IDS, MetricName, RunId
 from bpn_dashboard.api.problems import ApiError, responses
 from bpn_dashboard.api.subject import runs_of
+from bpn_dashboard.comparison.episodes import edges_of, newest_returns, shares
 from bpn_dashboard.comparison.scores import ScoredRun, Scores
 from bpn_dashboard.comparison.summary import GroupSummary, compare
 from bpn_dashboard.comparison.verdicts import sentence
 from bpn_dashboard.database.tables import RunRow
 from bpn_dashboard.series.summary import Value
 from bpn_shared.runs.comparison import Interval
+from bpn_shared.runs.statistics import Floats
 from bpn_shared.spec.tasks import RETURN
 
 router = APIRouter(tags=["series"])
 
 MOST_GROUPS = 100
+_MOST_READ = 300
 _VALUE_WORDS: dict[Value, str] = {
     "last": "newest", "highest": "highest", "lowest": "lowest", "mean_5": "mean of the last 5",
     "mean_20": "mean of the last 20", "mean_100": "mean of the last 100",
 }  # fmt: skip
 
 
-class ComparisonQuery(Body):
-    """What to compare. Either `runs` or `filter` says of which runs."""
-
+class _Groups(Body):
     runs: Annotated[list[RunId], Field(max_length=MAX_IDS)] | None = None
     filter: RunFilterQuery | None = None
     group_by: Annotated[
         Annotated[list[ConfigKey], Field(max_length=20)] | Literal["all_but_seed"] | None,
         Field(description="runs alike in these keys form one group; null: every run for itself"),
     ] = "all_but_seed"
+
+
+class ComparisonQuery(_Groups):
+    """What to compare. Either `runs` or `filter` says of which runs."""
+
     metric: Annotated[
         MetricName | None, Field(description="null: the return, as the runs' task has it")
     ] = None
@@ -136,13 +143,7 @@ class ComparisonAnswer(BaseModel):
 def compare_groups(_who: Viewer, parts: Parts, body: ComparisonQuery) -> Response:
     """Compares groups of runs by one score for each seed; nothing is drawn at random anew."""
     rows = runs_of(parts, body.runs, body.filter)
-    groups = group_runs(rows, body.group_by)
-    if len(groups) > MOST_GROUPS:
-        raise ApiError(
-            422, "too-many-curves",
-            f"{len(groups)} groups cannot be compared with each other: the limit is {MOST_GROUPS}. Filter, or "
-            "group by fewer keys",
-        )  # fmt: skip
+    groups = _checked(group_runs(rows, body.group_by))
     metric = body.metric or (rows[0].return_metric if rows else RETURN)
     answer = _answer(parts, body, {row.id: row for row in rows}, groups, metric)
     data = orjson.dumps(answer, option=orjson.OPT_SERIALIZE_NUMPY)  # NaN becomes null
@@ -262,3 +263,72 @@ def _group(group: Group, found: GroupSummary, words: str) -> dict[str, Any]:
             "sentence": words,
         },
     }
+
+
+class EpisodesQuery(_Groups):
+    """Whose episodes. Either `runs` or `filter` says of which runs."""
+
+    iterations: Annotated[int, Field(ge=1, le=100, description="the newest of each run")] = 5
+
+
+class EpisodesOfGroup(BaseModel):
+    """The distribution of a group's episode returns."""
+
+    key: str
+    label: str
+    episodes: int
+    seeds: int
+    shares: Annotated[
+        list[float], Field(description="of the episodes in each bin; seeds weigh the same")
+    ]
+
+
+class EpisodesAnswer(BaseModel):
+    """Distributions over the same bins."""
+
+    edges: Annotated[list[float], Field(description="of the bins, one more than there are")]
+    runs: Annotated[int, Field(description="whose episodes were read: the newest, at most 300")]
+    total: Annotated[int, Field(description="that there are")]
+    groups: list[EpisodesOfGroup]
+
+
+@router.post("/comparison/episodes", operation_id="compareEpisodes", responses=responses(404, 422))
+def compare_episodes(_who: Viewer, parts: Parts, body: EpisodesQuery) -> EpisodesAnswer:
+    """How the returns of single episodes are distributed in each group."""
+    rows = runs_of(parts, body.runs, body.filter)
+    groups = _checked(group_runs(rows, body.group_by))
+    read = {row.id for row in rows[-_MOST_READ:]}
+    returns = []
+    for group in groups:
+        by_seed: dict[int, list[Floats]] = {}
+        for run_id, seed in group.seeds.items():
+            if run_id in read:
+                found = newest_returns(parts.runs.runs_dir, run_id, body.iterations)
+                by_seed.setdefault(seed, []).append(found)
+        returns.append([np.concatenate(of_one) for of_one in by_seed.values()])
+    edges = edges_of([np.concatenate(of_group) for of_group in returns if of_group])
+    return EpisodesAnswer(
+        edges=edges.tolist(),
+        runs=len(read),
+        total=len(rows),
+        groups=[
+            EpisodesOfGroup(
+                key=group.key,
+                label=group.label,
+                episodes=sum(map(len, of_group)),
+                seeds=sum(len(values) > 0 for values in of_group),
+                shares=shares(of_group, edges).tolist(),
+            )
+            for group, of_group in zip(groups, returns, strict=True)
+        ],
+    )
+
+
+def _checked(groups: list[Group]) -> list[Group]:
+    if len(groups) > MOST_GROUPS:
+        raise ApiError(
+            422, "too-many-curves",
+            f"{len(groups)} groups cannot be compared with each other: the limit is {MOST_GROUPS}. Filter, or "
+            "group by fewer keys",
+        )  # fmt: skip
+    return groups

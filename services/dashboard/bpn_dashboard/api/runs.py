@@ -64,7 +64,14 @@ class TaskChoice(BaseModel):
 
     name: str
     title: str
-    action_names: Annotated[list[str], Field(description="what each action does, by number")]
+    action_names: Annotated[
+        list[str],
+        Field(
+            description="what each action does, by number; of several dimensions each choice, the dimensions' side by "
+            "side"
+        ),
+    ]
+    action_dims: Annotated[list[int], Field(description="choices of each dimension of an action")]
     frames_stacked: Annotated[int, Field(description="camera frames in one observation")]
     control_period_s: float
     preset: Annotated[dict[str, Any], Field(description="what its runs begin with")]
@@ -76,6 +83,7 @@ class TaskChoice(BaseModel):
             name=task.name,
             title=task.title or task.name,
             action_names=list(task.action_names),
+            action_dims=list(task.dims),
             frames_stacked=task.frames_stacked,
             control_period_s=task.control_period_s,
             preset=task.options() | task.preset,

@@ -74,13 +74,15 @@ def sources(bus: Bus, runs_dir: Path, topology: Topology, counters: Counters) ->
     def metrics_key(topic: Topic) -> str:
         return keys.metrics(_run(topic), "*", "*")
 
+    published = Source(lambda _topic, _put: lambda: None, orjson.dumps)
     return {
         "camera": Source(watch(in_slot(keys.preview)), checked(_camera_frame)),
         "actions": Source(watch(in_slot(keys.decision)), checked(_decision)),
         "metrics": Source(watch(metrics_key), checked(_metrics)),
         "logs": Source(open_logs, lambda line: line),
         "topology": Source(open_topology, lambda now: now.snapshot().model_dump_json().encode()),
-        "runs": Source(lambda _topic, _put: lambda: None, orjson.dumps),
+        "runs": published,
+        "alerts": published,
     }
 
 

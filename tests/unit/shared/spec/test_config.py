@@ -59,7 +59,7 @@ def test_every_task_has_a_preset_and_observations_of_its_network(task: TaskSpec)
         ({"pacing": "slow"}, "pacing = 'slow': Input should be 'lockstep' or 'realtime'"),
         (
             {"task": "flying"},
-            "task = 'flying': unknown; one of: gym:[MODULE:]ENVIRONMENT-ID, pan_tilt, reaching, tracking",
+            "task = 'flying': unknown; one of: arm, gym:[MODULE:]ENVIRONMENT-ID, pan_tilt, pan_tilt_both, reaching",
         ),
         (
             {"algorithm": "sarsa"},
@@ -210,8 +210,8 @@ def test_the_rate_falls_linearly_over_the_run(iterations: int, last: float) -> N
 BY_VALUE = {"task_spec", "algorithm_spec"}
 DEFAULTS: dict[str, Any] = {
     "env_kwargs": "", "env_wrappers": "", "frames_from": "auto", "observation_key": "", "crop": "",
-    "max_over_frames": 1, "difference": False, "action_bins": 0, "frame_px": 84, "conv": "8x4x8,4x2x16,3x1x16",
-    "disturb": "", "beta_run_final_factor": 1.0, "n_step": 1, "gap_floor": 0.0,
+    "max_over_frames": 1, "difference": False, "action_bins": 0, "action_dims": "", "frame_px": 84,
+    "conv": "8x4x8,4x2x16,3x1x16", "disturb": "", "beta_run_final_factor": 1.0, "n_step": 1, "gap_floor": 0.0,
     "replay_transitions": 0, "max_updates": 0, "augment": "",
     "task": "reaching", "algorithm": "bpn", "seed": 0, "frame_channels": 1, "frames_stacked": 1,
     "frame_skip": 1, "actions": 14, "iterations": 50, "episodes": 10, "steps": 20, "epochs": 50,

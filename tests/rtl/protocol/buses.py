@@ -1,4 +1,7 @@
-"""The core's buses signal by signal: cocotb's main program around the core, one process for each scenario."""
+"""The core's buses signal by signal: cocotb's main program around the core, one process for each scenario.
+
+Of `make test-rtl`, since cocotb needs Python as a shared library: `pytest tests/rtl/protocol/buses.py`.
+"""
 
 import os
 import re
@@ -19,21 +22,20 @@ COCOTB = Harness(
     "bpn_core",
     str(cocotb_tools.config.share_dir / "lib/verilator/verilator.cpp"),
     options=("--vpi", "--public-flat-rw"),
-    flags=("-O1", "-fvisibility=default", "-UVL_TIME_CONTEXT", f"-I{HERE / 'protocol'}"),
+    flags=("-O1", "-fvisibility=default", "-UVL_TIME_CONTEXT", f"-I{HERE}"),
     runtime=("verilated_vpi.cpp",),
     link=(f"-L{LIBRARIES}", f"-Wl,-rpath,{LIBRARIES}", "-lcocotbvpi_verilator"),
 )
-SCENARIOS = re.findall(r"^async def (\w+)\(dut", (HERE / "protocol/scenarios.py").read_text(), re.M)
+SCENARIOS = re.findall(r"^async def (\w+)\(dut", (HERE / "scenarios.py").read_text(), re.M)
 
 
 @pytest.mark.parametrize("scenario", SCENARIOS)
 def test_scenario(scenario: str, tmp_path: Path) -> None:
     environment = {
         **os.environ,
-        "PYTHONPATH": os.pathsep.join((str(HERE.parents[1]), *sys.path)),
+        "PYTHONPATH": os.pathsep.join((str(HERE.parents[2]), *sys.path)),
         "PYGPI_PYTHON_BIN": sys.executable,
-        "LIBPYTHON_LOC": str(find_libpython.find_libpython()),
-        "GPI_USERS": cocotb_tools.config.pygpi_entry_point(),
+        "GPI_USERS": f"{find_libpython.find_libpython()};{cocotb_tools.config.pygpi_entry_point()}",
         "COCOTB_TOPLEVEL": "bpn_core",
         "COCOTB_TEST_MODULES": "tests.rtl.protocol.scenarios",
         "COCOTB_TEST_FILTER": rf"\.{scenario}$",
