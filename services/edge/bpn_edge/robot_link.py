@@ -45,6 +45,7 @@ class RobotLink(Closing):
         place = worker.run, worker.slot, worker.site
         self._reset_key = keys.reset(*place)
         self._actions = LatestPublisher(worker.bus, keys.action(*place), "action")
+        self._sent = worker.bus.traffic.sent(keys.action(*place))
         self._frames = DirectSubscriber(
             worker.bus,
             keys.frame(*place),
@@ -108,6 +109,8 @@ class RobotLink(Closing):
         encoded = action.encode()
         if self._came_by is None or not self._came_by.put(b"", encoded):
             self._actions.put(encoded)
+        else:
+            self._sent.add(len(encoded))
 
     def close(self) -> None:
         """Takes in no more frames past the router."""

@@ -49,6 +49,4 @@ class Commands:
             self._stopped = True
         except Exception as error:
             log.exception("the robot cannot be stopped")
-            self._counters.refuse(
-                "stops_failed", f"the robot cannot be stopped: {one_line(error)}"
-            )
+            self._counters.refuse("stops_failed", f"the robot cannot be stopped: {one_line(error)}")
