@@ -117,11 +117,12 @@ test-fresh-machine: ## the README's two commands in a bare container, as root an
 	deploy/fresh-machine.sh
 
 # yosys, if the system has none, comes from PyPI.
-test-rtl: $(DEV) ## the core's long suites: networks, swaps and gaps by the hundred, proofs, mutants of the RTL (an hour)
-	$(PIP_LOUD) --no-build-isolation -e 'bpn[fpga]' -e 'services/edge[rtl]'
-	BPN_RTL_SCALE=25 $(BIN)/pytest tests/rtl
+test-rtl: $(DEV) ## the core's long suites: networks, swaps and gaps by the hundred, its buses with cocotb, proofs, coverage, 300 mutants of the RTL (hours; the mutants go on where they were)
+	$(PIP_LOUD) --no-build-isolation -e 'bpn[fpga]' -e 'services/edge[rtl]' cocotb
+	BPN_RTL_SCALE=25 $(BIN)/pytest tests/rtl tests/rtl/protocol/buses.py
 	$(BIN)/python services/edge/rtl/formal/prove.py
-	$(BIN)/python -m tests.rtl.mutants --sample 300
+	$(BIN)/python -m tests.rtl.coverage --out build/rtl-coverage.json
+	$(BIN)/python -m tests.rtl.mutation --sample 300
 
 mutants: $(DEV) ## how many faults the tests notice, sampled and aimed ones (hours; goes on where it was; MUTANTS="--sample N --seed S")
 	$(BIN)/python -m tests.mutants $(MUTANTS)
@@ -190,7 +191,7 @@ bench: $(DEV) ## kernel, learner, loop and dashboard, side by side with what the
 bench-sweep: $(DEV) ## a sweep with one learner and with two, in containers (any Docker Engine)
 	PYTHONPATH=tests/support $(BIN)/python bench/sweep.py
 
-TARGETS := inference reaching latency tracking pan-tilt heatmap
+TARGETS := inference averaging reaching latency tracking pan-tilt heatmap
 JOBS ?= 1
 
 reproduce: $(DEV) ## every figure and table of the paper into docs/results: days on two cores, resumable

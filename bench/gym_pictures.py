@@ -22,6 +22,7 @@ from bpn_robot_sim.environment import GymEnvironment
 from bpn_robot_sim.gym_robot import GymRobot
 from bpn_shared.spec.config import RunConfig
 from bpn_shared.spec.gym import modules_named
+from bpn_shared.spec.joint_actions import count
 from bpn_shared.spec.observation import stack
 
 CELL_PX, GAP_PX, LINE_PX = 168, 6, 14
@@ -70,7 +71,7 @@ def row(shown: Shown) -> Image.Image:
     options, modules = given.alone(), modules_named(shown.task, given.env_wrappers)
     whole = options.model_copy(update={"crop": ""})
     with contextlib.closing(GymEnvironment(shown.task, whole, modules)) as env:
-        picture, actions = last_picture(env, shown.steps * given.frame_skip), env.actions
+        picture, actions = last_picture(env, shown.steps * given.frame_skip), sum(env.dims)
     config = RunConfig.for_task(shown.task, actions=actions, **shown.options)
     in_colour = RunConfig.for_task(
         shown.task, actions=actions, **shown.options, frame_channels=3, frames_stacked=2
@@ -98,7 +99,7 @@ def last_picture(env: GymEnvironment, steps: int) -> npt.NDArray[np.uint8]:
     begin_alike()
     env.reset(SEED)
     for _ in range(steps):
-        env.step(env.actions - 1)
+        env.step(count(env.dims) - 1)
     return env.picture()
 
 
@@ -108,7 +109,7 @@ def frames(config: RunConfig, modules: list[str], steps: int) -> list[Frame]:
     begin_alike()
     shown = [robot.reset(SEED)]
     for _ in range(steps):
-        robot.command(config.actions - 1)
+        robot.command(config.task_spec.joint_actions - 1)
         robot.settle()
         shown.append(robot.frame())
     robot.close()

@@ -19,22 +19,26 @@ from typing import Any
 import numpy as np
 
 from bpn_edge import kernel as kernels
+from bpn_edge.factored import JointSelector, epsilon_of_each, joint_selector
 from bpn_edge.policy import epsilon_greedy_action, softmax_action, softmax_weights
+from bpn_learner.augmentation import seen_again
 from bpn_learner.factory import initial_policy
 from bpn_learner.networks import PNetwork
 from bpn_learner.reward import function_of
 from bpn_learner.reward_scale import RewardScale
-from bpn_learner.transitions import EpisodeData, Transitions
+from bpn_learner.transitions import EpisodeData, data_of
 from bpn_learner.update import UpdateConfig, policy_update
 from bpn_robot.robot import Robot
 from bpn_robot.robots import make_robot
+from bpn_shared.bnn.outputs import Outputs
 from bpn_shared.bnn.weights import Weights
 from bpn_shared.camera.disturbed import EpisodeCamera
 from bpn_shared.spec.algorithms import KERNELS
 from bpn_shared.spec.config import RunConfig
 from bpn_shared.spec.disturbances import parse
+from bpn_shared.spec.joint_actions import all_parted
 from bpn_shared.spec.observation import stack
-from bpn_shared.spec.seeds import action_uniforms, episode_seed, shuffle_generator
+from bpn_shared.spec.seeds import choice_uniforms, episode_seed, shuffle_generator
 
 GREEDY_SEED = 2**32
 """Of greedy trials: starts that no training has."""
@@ -56,21 +60,17 @@ class Player:
     def play(self, seed: int, epsilon: float, *, greedy: bool = False) -> EpisodeData:
         config, robot = self.config, self.robot
         frames = [robot.reset(seed)]
-        uniforms = action_uniforms(seed, config.steps)
+        dims = self.task.dims
+        uniforms = choice_uniforms(seed, config.steps, len(dims)).tolist()
+        choose = self.selector(epsilon, greedy=greedy)
         actions: list[int] = []
         told: list[float] = []
         for step in range(config.steps):
             seen = stack(frames, step, self.task.frames_stacked, difference=config.difference)
             outputs = self.kernel.run(np.ascontiguousarray(seen))
-            if greedy:
-                action = int(np.argmax(outputs))
-            elif config.policy == "softmax":
-                pi = np.array(softmax_weights(outputs, self.scale, config.beta))
-                pi /= pi.sum()
-                self.entropies.append(float(-(pi * np.log(pi + 1e-300)).sum()))
-                action = softmax_action(outputs, self.scale, config.beta, uniforms[step])
-            else:
-                action = epsilon_greedy_action(outputs, epsilon, uniforms[step])
+            action = choose(outputs, uniforms[step])
+            if not greedy and config.policy == "softmax":
+                self.entropies.append(self.entropy(outputs))
             robot.command(action)
             robot.settle()
             frames.append(robot.frame())
@@ -81,7 +81,25 @@ class Player:
         pixels = np.stack(frames)
         reward = function_of(self.task)
         rewards = np.array(told) if reward is None else reward(pixels, self.task)
-        return EpisodeData(pixels, np.array(actions, np.uint8), rewards, robot.terminated)
+        choices = all_parted(np.array(actions), dims).astype(np.uint8)
+        return EpisodeData(
+            pixels, choices if len(dims) > 1 else choices[:, 0], rewards, robot.terminated
+        )
+
+    def selector(self, epsilon: float, *, greedy: bool) -> JointSelector:
+        scale, beta, dims = self.scale, self.config.beta, self.task.dims
+        if self.config.policy == "softmax" and not greedy:
+            return joint_selector(lambda o, u: softmax_action(o, scale, beta, u), dims)
+        share = 0.0 if greedy else epsilon_of_each(epsilon, len(dims))
+        return joint_selector(lambda o, u: epsilon_greedy_action(o, share, u), dims)
+
+    def entropy(self, outputs: Outputs) -> float:
+        total = 0.0
+        for own in np.split(outputs, np.cumsum(self.task.dims)[:-1]):
+            pi = np.array(softmax_weights(own, self.scale, self.config.beta))
+            pi /= pi.sum()
+            total -= float((pi * np.log(pi + 1e-300)).sum())
+        return total
 
 
 def kept(config: RunConfig, weights: Weights, levels: str, trials: int) -> dict[str, Any]:
@@ -108,10 +126,8 @@ def reestimated(
         replace(e, frames=np.stack([camera.picture(f, t) for t, f in enumerate(e.frames)]))
         for e, camera in zip(D, cameras, strict=True)
     ]
-    seen = Transitions.from_episodes(
-        disturbed, frames_stacked=config.task_spec.frames_stacked, difference=config.difference
-    )
-    again.finish_update(lambda: seen.gather(seen.observations))
+    seen = data_of(config, disturbed)
+    again.finish_update(lambda: [seen.gather(seen.observations)])
     return again.export()
 
 
@@ -134,15 +150,13 @@ def iterations(
         greedy = [player.play(GREEDY_SEED + k, 0.0, greedy=True) for k in range(trials)]
         data.append(episodes)
         newest = [e for held in data for e in held]
-        D = Transitions.from_episodes(
-            newest,
-            reward_scale=reward_scale.of(newest),
-            frames_stacked=config.task_spec.frames_stacked,
-            difference=config.difference,
-        )
+        D = data_of(config, newest, reward_scale.of(newest))
+        again = None
+        if augmented := parse(config.augment):
+            again = data_of(config, seen_again(newest, augmented, config.seed, i))
         report = policy_update(
             network, optimizer, D, UpdateConfig.of_iteration(config, i),
-            shuffle_generator(config.seed, i),
+            shuffle_generator(config.seed, i), again=again,
         )  # fmt: skip
         weights = network.export()
         player.load(weights)
@@ -151,6 +165,7 @@ def iterations(
             "return": float(np.mean([e.rewards.sum() for e in episodes])),
             "length": float(np.mean([len(e.actions) for e in episodes])),
             "greedy": [round(float(e.rewards.sum()), 2) for e in greedy],
+            "greedy_last": [round(float(e.rewards[-1]), 2) for e in greedy],
             "greedy_actions": greedy[0].actions.tolist() if greedy else [],
             "entropy": float(np.mean(player.entropies)) if player.entropies else 0.0,
             "distinct": len({f.tobytes() for e in episodes for f in e.frames}),

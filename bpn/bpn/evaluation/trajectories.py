@@ -28,8 +28,8 @@ def gaze_deg(episode: Episode) -> Path:
     """Where pan_tilt's camera was told to point, (pan, tilt): its turns summed up, within its limits."""
     limits = np.array(geometry.AGENT_LIMITS_DEG)
     angles = [np.zeros(2)]
-    for action in episode.actions:
-        turned = angles[-1] + geometry.ACTIONS_DEG[action]
+    for choices in episode.actions.reshape(episode.steps, -1).tolist():
+        turned = angles[-1] + geometry.turns_deg(tuple(choices))
         angles.append(np.clip(turned, -limits, limits))
     return np.array(angles)
 

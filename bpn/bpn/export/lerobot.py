@@ -166,12 +166,16 @@ def features(task: TaskSpec) -> dict[str, dict[str, Any]]:
             "shape": [height, width, 3],
             "names": ["height", "width", "channels"],
         },
-        "action": {"dtype": "int64", "shape": [1], "names": ["action"]},
+        "action": {"dtype": "int64", "shape": [len(task.dims)], "names": _action_names(task)},
         "next.reward": {"dtype": "float32", **one},
         "next.done": {"dtype": "bool", **one},
         "timestamp": {"dtype": "float32", **one},
         **numbers,
     }
+
+
+def _action_names(task: TaskSpec) -> list[str]:
+    return ["action"] if len(task.dims) == 1 else [f"action_{d}" for d in range(len(task.dims))]
 
 
 _INDICES = ("frame_index", "episode_index", "index", "task_index")
@@ -203,8 +207,15 @@ def _table(values: Values, pictures: list[bytes]) -> pa.Table:
     images = pa.StructArray.from_arrays(
         [pa.array(pictures, pa.binary()), pa.nulls(len(pictures), pa.string())], ["bytes", "path"]
     )
-    columns = {name: pa.array(found) for name, found in values.items() if name != CAMERA}
+    columns = {name: _column(found) for name, found in values.items() if name != CAMERA}
     return pa.table({CAMERA: images, **columns})
+
+
+def _column(values: npt.NDArray[Any]) -> pa.Array:
+    """Of numbers; of several a frame, lists of that length."""
+    if values.ndim == 1:
+        return pa.array(values)
+    return pa.FixedSizeListArray.from_arrays(pa.array(values.ravel()), values.shape[1])
 
 
 def _png(picture: npt.NDArray[np.uint8]) -> bytes:
@@ -230,10 +241,10 @@ class _Moments:
     @classmethod
     def of(cls, name: str, values: npt.NDArray[Any]) -> "_Moments":
         is_picture = name == CAMERA
-        rows = values.reshape(-1, 3) / 255.0 if is_picture else values.reshape(-1, 1)
+        rows = values.reshape(-1, 3) / 255.0 if is_picture else values.reshape(len(values), -1)
         rows = rows.astype(np.float64)
         return cls(
-            (3, 1, 1) if is_picture else (1,),
+            (3, 1, 1) if is_picture else (rows.shape[1],),
             len(values),
             rows.min(axis=0),
             rows.max(axis=0),
@@ -278,6 +289,7 @@ def _origin(run: Run) -> dict[str, Any]:
         "run": run.id,
         "task": task.name,
         "action_names": list(task.action_names),
+        "action_dims": list(task.dims),
         "reward_unit": task.reward_unit,
         "frames_stacked": task.frames_stacked,
     }

@@ -20,7 +20,7 @@ def metrics_table(run: Run) -> Any:
 def steps_table(run: Run) -> Any:
     """One row for each step of each stored episode, without pixels.
 
-    Columns: iteration, episode, step; action; reward; outputs, a list of |A|; terminated, of the episode's last
+    Columns: iteration, episode, step; action, of several dimensions a list; reward; outputs, a list of |A|; terminated, of the episode's last
     step; inference_us and camera_to_action_us (null where no action came in time); weights_version; seed.
     """
     rows: list[Any] = []
@@ -33,7 +33,7 @@ def steps_table(run: Run) -> Any:
                     "iteration": pa.array([meta.iteration] * steps, pa.int64()),
                     "episode": pa.array([meta.episode] * steps, pa.int64()),
                     "step": pa.array(range(steps), pa.int64()),
-                    "action": pa.array(episode.actions),
+                    "action": pa.array(episode.actions.tolist()),
                     "reward": pa.array(episode.rewards),
                     "outputs": pa.array(episode.outputs.tolist()),
                     "terminated": pa.array([False] * (steps - 1) + [meta.terminated]),

@@ -68,6 +68,9 @@ class CheckedRobot:
     def advance(self, seconds: float) -> None:
         self._nothing("advance", seconds)
 
+    def stop(self) -> None:
+        self._nothing("stop")
+
     def close(self) -> None:
         self._nothing("close")
 
@@ -92,13 +95,13 @@ class CheckedRobot:
         told = self._ask("info")
         assert isinstance(told, dict), f"{self.who}: info() is {told!r}, not a dict"
         for name, value in told.items():
-            assert np.shape(value) == (2,), (
-                f"{self.who}: info()[{name!r}] is {value!r}, not a pair of numbers"
+            assert len(np.shape(value)) == 1, (
+                f"{self.who}: info()[{name!r}] is {value!r}, not a tuple of numbers"
             )
 
     def refuse(self, action: int) -> None:
         """An action that the task does not have, which has to be refused."""
-        how = f"command({action}) of the actions 0..{self.task.actions - 1}"
+        how = f"command({action}) of the actions 0..{self.task.joint_actions - 1}"
         try:
             self._robot.command(action)
         except ValueError:

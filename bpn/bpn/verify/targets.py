@@ -3,11 +3,15 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
 import torch
 from torch import Tensor
 
-from bpn.verify.play import Policy, inverse_temperature
+from bpn.verify import draws
+from bpn.verify.play import Policy, inverse_temperature, observations
+from bpn_shared.camera.disturbed import EpisodeCamera
 from bpn_shared.spec.config import RunConfig
+from bpn_shared.spec.disturbances import parse
 
 COMPUTED = ("cvi", "dqn")
 """The targets that are computed here; of others, which are somebody's own, only what they leave is looked at."""
@@ -37,7 +41,8 @@ class Targets:
     """What one update fits.
 
     Attributes:
-        seen: s of every transition of D in order, uint8[n, h, w, C].
+        seen: s of every transition of D in order, uint8[n, h, w, C]; behind them, where the run asks
+            for it, the same with pictures that were disturbed for the update.
         taken: the outputs that each action takes, one of each dimension, int64[n, D].
         y: float32[n].
         offset: c, what all preferences lack that are fitted to y (relative targets).
@@ -73,6 +78,7 @@ def targets(
     iteration: int,
     D: Sequence[Played],
     policy: Policy,
+    *,
     offset: float,
     reward_scale: float,
 ) -> Targets:
@@ -116,8 +122,22 @@ def targets(
     if config.relative_targets:
         next_offset = config.gamma * offset + float(y.mean())
         y = y - y.mean()
-    seen = torch.cat([episode.seen[:-1] for episode in D]).permute(0, 2, 3, 1).contiguous()
+    shown = [episode.seen for episode in D]
+    if config.augment:
+        shown += [_seen_again(config, iteration, k, episode) for k, episode in enumerate(D)]
+        taken, y = taken.repeat(2, 1), y.repeat(2)
+    seen = torch.cat([of_episode[:-1] for of_episode in shown]).permute(0, 2, 3, 1).contiguous()
     return Targets(seen, taken, y, next_offset, float(P.abs().max()))
+
+
+def _seen_again(config: RunConfig, iteration: int, index: int, episode: Played) -> Tensor:
+    """An episode's observations, made of frames that the update disturbed."""
+    seed = draws.camera_seed(config.seed, iteration, index)
+    camera = EpisodeCamera(parse(config.augment), seed)
+    newest = episode.seen[:, -config.task_spec.frame_channels :].numpy()
+    frames = np.stack([camera.picture(frame, step) for step, frame in enumerate(newest)])
+    stacked = config.task_spec.frames_stacked
+    return observations(torch.from_numpy(frames), stacked, difference=config.difference)
 
 
 def _over_steps(

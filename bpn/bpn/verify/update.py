@@ -37,5 +37,7 @@ class Update:
     def targets(self, config: RunConfig | None = None) -> Targets:
         """What it fits; with another configuration if one is given."""
         config = config or self.config
-        factor = config.reward_scale or self.reward_scale or 1.0
-        return targets(config, self.iteration, self.D, self.policy, self.offset, factor)
+        return targets(
+            config, self.iteration, self.D, self.policy,
+            offset=self.offset, reward_scale=config.reward_scale or self.reward_scale or 1.0,
+        )  # fmt: skip

@@ -174,9 +174,10 @@ class Verification:
 
     def _check_steps(self, update: Update) -> None:
         config, found = self.config, update.record["updates"]
+        times = 2 if config.augment else 1
         size = sum(len(episode.actions) for episode in update.D)
-        steps = updates(config, size)
-        of_all = updates(config, sum(self._steps))
+        steps = updates(config, times * size)
+        of_all = updates(config, times * sum(self._steps))
         hint = "it is that of the data sets of all iterations" if found == of_all else ""
         self.findings.compare("updates", update.where, found, steps, hint=hint)
 

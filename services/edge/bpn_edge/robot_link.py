@@ -42,19 +42,19 @@ class RobotLink(Closing):
         self._taking = threading.Lock()
         self._came_by: LocalConnection | None = None
         """The way of the frame that is being answered; None: by the router."""
-        run, slot = worker.run, worker.slot
-        self._reset_key = keys.reset(run, slot)
-        self._actions = LatestPublisher(worker.bus, keys.action(run, slot), "action")
+        place = worker.run, worker.slot, worker.site
+        self._reset_key = keys.reset(*place)
+        self._actions = LatestPublisher(worker.bus, keys.action(*place), "action")
         self._frames = DirectSubscriber(
             worker.bus,
-            keys.frame(run, slot),
+            keys.frame(*place),
             lambda *message: self._receive(None, *message),
         )
         self._local = (
             LocalClient(
                 worker.bus,
-                keys.local_link(run, slot, keys.ANY),
-                keys.frame(run, slot),
+                keys.local_link(*place, keys.ANY),
+                keys.frame(*place),
                 attachment_bytes=HEADER_BYTES,
                 max_bytes=HEADER_BYTES + math.prod(task.frame_shape),
                 on_message=self._receive,

@@ -1,5 +1,7 @@
 """A run's network and optimizer before its first update, as its configuration determines them."""
 
+import math
+
 import torch
 
 from bpn_learner.networks import PNetwork, make_network
@@ -29,7 +31,7 @@ def initial_policy(config: RunConfig) -> tuple[PNetwork, torch.optim.Optimizer]:
 
 def nearly_uniform_scale(config: RunConfig) -> float:
     """Lambda with which a policy of random signs is nearly uniform: beta P then varies by `_FIRST_SPREAD`."""
-    return _FIRST_SPREAD / (config.beta * config.hidden_units**0.5)
+    return _FIRST_SPREAD / (config.beta * math.sqrt(config.hidden_units))
 
 
 def has_gpu() -> bool:

@@ -9,11 +9,13 @@ from functools import partial
 
 import numpy as np
 
+from bpn_learner.augmentation import seen_again
 from bpn_learner.callbacks import CollectionEnd, EvaluationEnd
 from bpn_learner.callbacks.calling import Callbacks
 from bpn_learner.checkpoint import encode_checkpoint
 from bpn_learner.episodes import Scored, load_episodes
 from bpn_learner.evaluations import Evaluations
+from bpn_learner.gathering import RegressionBatch
 from bpn_learner.group import SINGLE_PROCESS, Group, GroupLostError
 from bpn_learner.handout import broadcast_state
 from bpn_learner.history import History
@@ -22,9 +24,8 @@ from bpn_learner.rendezvous import Rendezvous
 from bpn_learner.replay import ReplayMemory
 from bpn_learner.reward_scale import RewardScale
 from bpn_learner.storage import StorageStopped, insist
-from bpn_learner.transitions import EpisodeData, Transitions
+from bpn_learner.transitions import EpisodeData, Transitions, data_of
 from bpn_learner.update import (
-    RegressionBatch,
     UpdateConfig,
     UpdateReport,
     UpdateStopped,
@@ -35,6 +36,7 @@ from bpn_shared.counters import Counters
 from bpn_shared.runs.ownership import Ownership
 from bpn_shared.runs.success import share, success_of
 from bpn_shared.spec.config import RunConfig
+from bpn_shared.spec.disturbances import parse
 from bpn_shared.spec.seeds import shuffle_generator
 from bpn_shared.waiting import WaitStatus
 
@@ -246,15 +248,14 @@ class Training:
 
     def _update(self, iteration: int) -> UpdateReport:
         """One policy update; where others share it, again from the checkpoint until none was lost."""
-        D = Transitions.from_episodes(
-            self._memory.episodes,
-            frames_stacked=self._config.task_spec.frames_stacked,
-            difference=self._config.difference,
-            reward_scale=self._reward_scale.of(self._memory.episodes),
-        )
+        config, episodes = self._config, self._memory.episodes
+        D = data_of(config, episodes, self._reward_scale.of(episodes))
+        again = None
+        if levels := parse(config.augment):
+            again = data_of(config, seen_again(episodes, levels, config.seed, iteration))
         for given_up in range(1, GIVE_UP_AFTER + 1):
             try:
-                return self._try_update(iteration, D)
+                return self._try_update(iteration, D, again)
             except GroupLostError as error:
                 if given_up == GIVE_UP_AFTER:
                     raise
@@ -262,7 +263,9 @@ class Training:
                 self._load_policy()
         raise AssertionError("unreachable")
 
-    def _try_update(self, iteration: int, D: Transitions) -> UpdateReport:
+    def _try_update(
+        self, iteration: int, D: Transitions, again: Transitions | None
+    ) -> UpdateReport:
         def progress(epochs: int, _total: int) -> None:
             self._report(iteration, {"progress.epochs": float(epochs)})
 
@@ -272,6 +275,7 @@ class Training:
             D,
             UpdateConfig.of_iteration(self._config, iteration),
             shuffle_generator(self._config.seed, iteration),
+            again=again,
             gather=lambda regression: self._gathered(iteration, regression),
             progress=progress,
             stop=self._stop.is_set,

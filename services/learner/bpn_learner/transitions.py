@@ -1,6 +1,6 @@
 """D as tensors: every frame once, observations gathered from frame indices."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields
 from typing import Self
 
@@ -9,6 +9,7 @@ import numpy.typing as npt
 import torch
 from torch import Tensor
 
+from bpn_shared.spec.config import RunConfig
 from bpn_shared.spec.observation import changes, frame_indices
 
 
@@ -137,6 +138,22 @@ class Transitions:
     def gather(self, stacks: Tensor) -> Tensor:
         """Observations of frame indices, see `gather_observations`."""
         return gather_observations(self.frames, stacks)
+
+    def parts(self, stacks: Tensor, size: int) -> Iterator[Tensor]:
+        """The same, `size` at once: all together may take many times the memory of the frames."""
+        return (self.gather(part) for part in torch.split(stacks, size))
+
+
+def data_of(
+    config: RunConfig, episodes: Sequence[EpisodeData], reward_scale: float = 1.0
+) -> Transitions:
+    """Episodes as a run's observations are made of them."""
+    return Transitions.from_episodes(
+        episodes,
+        frames_stacked=config.task_spec.frames_stacked,
+        difference=config.difference,
+        reward_scale=reward_scale,
+    )
 
 
 def gather_observations(frames: Tensor, stacks: Tensor) -> Tensor:

@@ -5,6 +5,8 @@
 #include <immintrin.h>
 #endif
 
+#include <cstddef>
+
 #include "geometry.h"
 #include "vectors.h"
 
@@ -75,13 +77,25 @@ struct Sums {
 };
 #endif
 
-// Eight outputs at so many neighbouring positions.
+// Eight outputs at so many neighbouring positions. A pointer to every third one, from which the next two are one and two
+// steps away, leaves room for all of them in registers.
 template <int Columns>
-inline void convolve_pixels_at(const Layer& l, const uint8_t* patch, const int8_t* w, float* o) {
+[[gnu::noinline]] void convolve_pixels_at(const Layer& l, const uint8_t* patch, const int8_t* w, float* o) {
+  constexpr int kPointers = (Columns + 2) / 3;
+  const ptrdiff_t step = l.step_x, row_stride = l.row_stride;
+  const int rows = l.rows, run = l.run;
   Sums sums[Columns];
-  for (int i = 0; i < l.rows; ++i)
-    for (int k = 0; k < l.run; k += kTogetherPixels, w += kTogetherPixels * kTogetherOutputs)
-      for (int c = 0; c < Columns; ++c) sums[c].add(patch + i * l.row_stride + c * l.step_x + k, w);
+  for (int i = 0; i < rows; ++i, patch += row_stride) {
+    const uint8_t* at[kPointers];
+    for (int p = 0; p < kPointers; ++p) at[p] = patch + 3 * p * step;
+    for (int k = 0; k < run; k += kTogetherPixels, w += kTogetherPixels * kTogetherOutputs) {
+      for (int c = 0; c < Columns; ++c) sums[c].add(at[c / 3] + c % 3 * step, w);
+      for (int p = 0; p < kPointers; ++p) {
+        at[p] += kTogetherPixels;
+        asm("" : "+r"(at[p]));  // or each position gets a pointer again
+      }
+    }
+  }
   for (int c = 0; c < Columns; ++c) sums[c].store_to(o + c * l.width);
 }
 

@@ -19,17 +19,17 @@ class EdgeLink:
     """
 
     def __init__(self, worker: Worker) -> None:
-        run, slot = worker.run, worker.slot
-        self._frames = LatestPublisher(worker.bus, keys.frame(run, slot), "frame")
-        self._actions = LatestSubscriber(worker.bus, keys.action(run, slot))
+        place = worker.run, worker.slot, worker.site
+        self._frames = LatestPublisher(worker.bus, keys.frame(*place), "frame")
+        self._actions = LatestSubscriber(worker.bus, keys.action(*place))
         self._lock = threading.Lock()
         self._is_local = False
         """Whether the edge is known to be reached past the router."""
         self._unanswered: tuple[bytes, bytes] | None = None
         self._local = LocalServer(
             worker.bus,
-            partial(keys.local_link, run, slot),
-            keys.action(run, slot),
+            partial(keys.local_link, *place),
+            keys.action(*place),
             attachment_bytes=0,
             max_bytes=action.BYTES,
             on_message=self._receive,

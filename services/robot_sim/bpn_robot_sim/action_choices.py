@@ -11,6 +11,10 @@ from bpn_shared.spec.config import ConfigError
 from bpn_shared.spec.network import MAX_ACTIONS
 
 
+BINS = 3
+"""Of a continuous dimension, where nobody says how many: its lowest, middle and highest value."""
+
+
 class ActionChoices(NamedTuple):
     """What can be chosen, and the action that a choice is.
 
@@ -27,10 +31,10 @@ def choices_of(space: Any, task: str, bins: int) -> ActionChoices:
     """The choices of an action space.
 
     Args:
-        bins: values of a continuous dimension, evenly spaced from its lowest to its highest; 0: none given.
+        bins: values of a continuous dimension, evenly spaced from its lowest to its highest; 0: `BINS`.
 
     Raises:
-        ConfigError: nothing can be chosen there, or `bins` is missing or of no use.
+        ConfigError: nothing can be chosen there, too much can, or `bins` is of no use.
     """
     if bins and not isinstance(space, Box):
         raise ConfigError(
@@ -44,28 +48,20 @@ def choices_of(space: Any, task: str, bins: int) -> ActionChoices:
     elif isinstance(space, MultiBinary):
         found = _elements(space, [np.arange(2)] * math.prod(space.shape), np.zeros(space.shape))
     elif isinstance(space, Box):
-        found = _elements(space, _binned(space, task, bins), np.zeros(space.shape))
+        found = _elements(space, _binned(space, task, bins or BINS), np.zeros(space.shape))
     else:
         raise ConfigError(f"{task} has actions {space}: only discrete ones can be learned")
     for count in found.dims:
         if not 2 <= count <= MAX_ACTIONS:
             raise ConfigError(f"{task} has {count} actions, a policy has 2..{MAX_ACTIONS}")
-    return found
-
-
-def one_list(choices: ActionChoices, task: str) -> int:
-    """|A| of a policy that has one list of actions, as all have that can be learned today.
-
-    Raises:
-        ConfigError: the environment wants a choice in each of several dimensions.
-    """
-    if len(choices.dims) != 1:
-        shown = " x ".join(map(str, choices.dims[:8])) + (" x ..." if len(choices.dims) > 8 else "")
+    if sum(found.dims) > MAX_ACTIONS:
+        shown = " + ".join(map(str, found.dims[:8])) + (" + ..." if len(found.dims) > 8 else "")
+        remedy = "choose fewer action_bins, or" if isinstance(space, Box) else "wrap it with env_wrappers, or"
         raise ConfigError(
-            f"{task} has actions of {len(choices.dims)} dimensions ({shown} choices), and a policy chooses in "
-            "one: ask for a discrete mode with env_kwargs if it has one, or wrap it in one with env_wrappers"
+            f"{task} has actions of {len(found.dims)} dimensions with {sum(found.dims)} choices together ({shown}), a "
+            f"policy has at most {MAX_ACTIONS}: {remedy} ask for a smaller mode with env_kwargs if it has one"
         )
-    return choices.dims[0]
+    return found
 
 
 def _elements(space: Any, values: list[Any], start: Any) -> ActionChoices:
@@ -79,11 +75,6 @@ def _elements(space: Any, values: list[Any], start: Any) -> ActionChoices:
 
 
 def _binned(space: Box, task: str, bins: int) -> list[Any]:
-    if not bins:
-        raise ConfigError(
-            f"{task} has actions {space}: only discrete ones can be learned; with action_bins, 5 say, each is "
-            "chosen from so many values"
-        )
     if not space.is_bounded():
         raise ConfigError(
             f"{task} has actions {space}, whose range has no end that action_bins could reach: wrap it with "

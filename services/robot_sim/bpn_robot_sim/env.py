@@ -48,10 +48,13 @@ class RobotEnv(gymnasium.Env[Frame, Any]):
         frame = self.robot.reset(start_seed)
         return frame, self.robot.info()
 
-    def step(self, action: np.int64 | int | Sequence[int]) -> tuple[Frame, float, bool, bool, Info]:
+    def step(
+        self, action: np.int64 | int | Sequence[int] | npt.NDArray[np.integer]
+    ) -> tuple[Frame, float, bool, bool, Info]:
         dims = self.robot.task.dims
-        choices = [action] if len(dims) == 1 else action
-        self.robot.command(joined([operator.index(choice) for choice in choices], dims))  # type: ignore[union-attr, arg-type]
+        if len(dims) > 1 and isinstance(action, Sequence | np.ndarray):
+            action = joined([operator.index(choice) for choice in action], dims)
+        self.robot.command(operator.index(action))  # type: ignore[arg-type]
         self.robot.settle()
         frame = self.robot.frame()
         return frame, self.robot.reward(), self.robot.terminated, False, self.robot.info()

@@ -13,11 +13,12 @@ import numpy as np
 from gymnasium.spaces import Dict
 
 from bpn_robot.robot import RobotFault
-from bpn_robot_sim.action_choices import choices_of, one_list
+from bpn_robot_sim.action_choices import choices_of
 from bpn_robot_sim.gym_making import last_line, make
 from bpn_robot_sim.pictures import ObservedPictures, Picture, PictureError, cropped, rendered
 from bpn_shared.spec.config import ConfigError
 from bpn_shared.spec.gym import OFF, GymOptions
+from bpn_shared.spec.joint_actions import parted
 
 log = logging.getLogger(__name__)
 
@@ -48,7 +49,7 @@ class GymEnvironment:
         allowed: modules that may be imported for it.
 
     Attributes:
-        actions: |A|.
+        dims: choices of each dimension of its actions.
         renders: whether the pictures are rendered.
         note: why they are, where it has observations that are nearly images; "" otherwise.
 
@@ -66,7 +67,7 @@ class GymEnvironment:
         self._observed: ObservedPictures | None = None
         try:
             self._choices = choices_of(self._env.action_space, task_name, options.action_bins)
-            self.actions = one_list(self._choices, task_name)
+            self.dims = self._choices.dims
             self._choose_pictures()
         except BaseException:
             self.close()
@@ -126,12 +127,12 @@ class GymEnvironment:
         self._observation = found[0]
 
     def step(self, action: int) -> Step:
-        """One step with an action of 0..|A|-1.
+        """One step with an action, by its number.
 
         Raises:
             RobotFault: it raises, does not return what it should, or its reward is no finite number.
         """
-        given = self._choices.action([action])
+        given = self._choices.action(parted(action, self.dims))
         found = self._asked("step", lambda: self._env.step(given))
         if not isinstance(found, tuple) or len(found) != 5:
             raise RobotFault(

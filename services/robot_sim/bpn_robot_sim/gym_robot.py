@@ -1,4 +1,4 @@
-"""Any Gymnasium environment with discrete actions and something to see, as a robot."""
+"""Any Gymnasium environment with something to see and actions that are choices, or made so, as a robot."""
 
 from collections import deque
 from collections.abc import Collection
@@ -26,10 +26,11 @@ class GymRobot:
         self._task = task
         self._env = GymEnvironment(task.name, task.gym, allowed)
         self._pictures: deque[Picture] = deque(maxlen=task.gym.max_over_frames)
-        if self._env.actions != task.actions:
+        if self._env.dims != task.dims:
             self._env.close()
+            counted = (" x ".join(map(str, dims)) for dims in (self._env.dims, task.dims))
             raise ConfigError(
-                f"{task.name} has {self._env.actions} actions, the run's configuration says {task.actions}"
+                f"{task.name} has {next(counted)} actions, the run's configuration says {next(counted)}"
             )
         try:
             play_at_random(self._env, task.name, task.frame_channels)
@@ -92,6 +93,9 @@ class GymRobot:
             NotImplementedError: always.
         """
         raise NotImplementedError(f"{self._task.name} cannot advance by {seconds} s")
+
+    def stop(self) -> None:
+        """Nothing to do: between its steps an environment stands still."""
 
     def frame(self) -> Frame:
         if not self._pictures:

@@ -51,7 +51,8 @@ def probe_environment(asked: ProbeRequest, allowed: Collection[str] = ()) -> Pro
                 f"{asked.task}: equal seeds and actions gave {what}, so runs of it do not repeat"
             )
         return ProbeReply(
-            actions=env.actions,
+            actions=sum(env.dims),
+            dims=env.dims,
             seen="renders" if env.renders else "observations",
             note="; ".join(note for note in notes if note)[:MAX_SENTENCE],
         )

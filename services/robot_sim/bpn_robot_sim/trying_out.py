@@ -7,6 +7,7 @@ from bpn_robot.robot import RobotFault
 from bpn_robot_sim.environment import GymEnvironment
 from bpn_robot_sim.pictures import SYMBOLS, as_frame, is_dark, why_blind
 from bpn_shared.spec.config import ConfigError
+from bpn_shared.spec.joint_actions import count
 
 Played = list[tuple[Frame, float]]
 
@@ -26,7 +27,7 @@ def play_at_random(env: GymEnvironment, task_name: str, channels: int, steps: in
         env.reset(0)
         played.append((as_frame(env.picture(), channels), 0.0))
         for step in range(1, steps + 1):
-            done = env.step(int(random.integers(env.actions)))
+            done = env.step(int(random.integers(count(env.dims))))
             played.append((as_frame(env.picture(), channels), done.reward))
             if done.terminated or done.truncated:
                 env.reset(step)

@@ -8,6 +8,7 @@ from bpn_shared.spec.gym import GYM_NAME, GYM_PREFIX
 from bpn_shared.spec.joint_actions import parse_dims
 from bpn_shared.spec.network import (
     IMAGE_SIZE_PX,
+    MAX_ACTIONS,
     MAX_CHANNELS,
     MAX_IMAGE_SIZE_PX,
     MIN_IMAGE_SIZE_PX,
@@ -74,6 +75,11 @@ def spec(name: str, options: TaskOptions) -> TaskSpec:
         raise InputError(
             f"action_dims = {options.action_dims!r} are {sum(dims)} choices together, actions = {actions}: leave "
             "actions out"
+        )
+    if actions > MAX_ACTIONS:
+        raise InputError(
+            f"action_dims = {options.action_dims!r} are {actions} choices together, a policy has at most "
+            f"{MAX_ACTIONS}"
         )
     if channels == 2:
         raise InputError("frame_channels = 2 must be 1 (gray) or 3 (RGB)")

@@ -17,6 +17,7 @@ import numpy.typing as npt
 from bpn_shared.runs.statistics import Floats, iqm_weights
 
 RESAMPLES = 2000
+_PERMUTATIONS = 9999
 _MOST_DRAWN = 8_000_000
 """Values in all resamples together: 64 MB. Of very many seeds fewer resamples do."""
 _EXACT_UP_TO = 400
@@ -108,6 +109,28 @@ def rank_sum_p(one: Floats, other: Floats) -> float:
         return 1.0
     z = (largest - m * n / 2 - 0.5) / math.sqrt(variance)
     return min(1.0, math.erfc(z / math.sqrt(2)))
+
+
+def stratified_p(ones: Strata, others: Strata) -> float:
+    """Two-sided p of the probability of improvement over several strata: by permutations within each.
+
+    How likely so large a distance from one half is if, in each stratum, it does not matter which of the two a seed
+    belongs to. Of one stratum it is the rank-sum test.
+
+    Raises:
+        ValueError: as `probability_of_improvement`.
+    """
+    if len(ones) == len(others) == 1:
+        return rank_sum_p(ones[0], others[0])
+    value = probability_of_improvement(ones, others).value
+    drawn = []
+    for key, (one, other) in enumerate(zip(ones, others, strict=True)):
+        both = np.concatenate([one, other])
+        of_one = _permuted(len(one), len(other), key)
+        won = ((of_one @ _wins(both, both)) * (1.0 - of_one)).sum(axis=1)
+        drawn.append(won / (len(one) * len(other)))
+    found = np.abs(np.mean(_even(*drawn), axis=0) - 0.5)
+    return float((1 + (found >= abs(value - 0.5) - 1e-12).sum()) / (1 + len(found)))
 
 
 def least_p(m: int, n: int) -> float:
@@ -210,6 +233,14 @@ def _counts(n: int, key: int) -> Floats:
     counts = np.zeros(drawn.shape)
     np.add.at(counts, (np.arange(len(drawn))[:, np.newaxis], drawn), 1.0)
     return counts
+
+
+@lru_cache(maxsize=64)
+def _permuted(m: int, n: int, key: int) -> Floats:
+    """float64[resamples, m + n]: 1 where a seed is taken for one of the m."""
+    count = max(100, min(_PERMUTATIONS, _MOST_DRAWN // (m + n)))
+    drawn = np.random.Generator(np.random.Philox(key=[m * 2**32 + n, key])).random((count, m + n))
+    return (drawn.argsort(axis=1).argsort(axis=1) < m).astype(np.float64)
 
 
 @cache

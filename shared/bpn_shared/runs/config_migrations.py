@@ -75,6 +75,7 @@ _BEFORE_SCHEMA_4: Values = {
     "gap_floor": 0.0,
     "replay_transitions": 0,
     "max_updates": 0,
+    "augment": "",
     "disturb": "",
 }
 """The same."""

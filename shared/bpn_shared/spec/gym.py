@@ -129,7 +129,7 @@ class GymOptions(BaseModel):
         Field(
             ge=0,
             le=MAX_ACTIONS,
-            description="gym tasks: values that a continuous action is chosen from; 0: none",
+            description="gym tasks: values that a continuous action is chosen from; 0: 3 where actions are continuous",
         ),
     ] = 0
 

@@ -12,7 +12,9 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
+from bpn_shared.errors import InputError
 from bpn_shared.spec.algorithms import MAX_NAME, NAME_PATTERN
+from bpn_shared.spec.disturbances import of_scope, parse, shown
 from bpn_shared.spec.network import (
     MAX_HIDDEN_UNITS,
     PAPER_CONVOLUTIONS,
@@ -39,6 +41,17 @@ def _options(text: str) -> str:
     if not isinstance(found, dict):
         raise ValueError("must be a JSON object; such as '{\"tau\": 0.9}'")
     return json.dumps(found, sort_keys=True) if found else ""
+
+
+def _of_pictures(text: str) -> str:
+    try:
+        levels = parse(text)
+    except InputError as error:
+        raise ValueError(str(error)) from error
+    others = levels.keys() - of_scope(levels, "picture").keys()
+    if others:
+        raise ValueError(f"{', '.join(sorted(others))}: concerns no pictures; leave it out")
+    return shown(levels)
 
 
 def _convolutions(text: str) -> str:
@@ -139,6 +152,15 @@ class TrainingValues(BaseModel):
             description="optimizer steps of a policy update, at most; 0: C epochs",
         ),
     ] = 0
+    augment: Annotated[
+        str,
+        AfterValidator(_of_pictures),
+        Field(
+            max_length=500,
+            description="each update also fits D's pictures disturbed anew, noise=0..25,offset=-30..30 say "
+            "(docs/disturbances.md)",
+        ),
+    ] = ""
 
     hidden_units: Annotated[
         int, Field(ge=1, le=MAX_HIDDEN_UNITS, description="N, hidden units, of FC(N)")
@@ -266,6 +288,6 @@ LEARNED = ("task", "algorithm", "training")
 """The sections that say what is learned."""
 ADDED = {
     "algorithm": ("beta_run_final_factor", "n_step", "gap_floor"),
-    "training": ("conv", "replay_transitions", "max_updates"),
+    "training": ("conv", "replay_transitions", "max_updates", "augment"),
 }
 """Values that came later, by section: their defaults are no part of a configuration's hash."""

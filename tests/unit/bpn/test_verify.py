@@ -68,7 +68,9 @@ def test_a_frame_without_a_marker_is_said() -> None:
 def test_random_numbers_are_those_of_the_services(run: int, iteration: int, episode: int) -> None:
     seed = draws.episode_seed(run, iteration, episode)
     assert seed == seeds.episode_seed(run, iteration, episode)
-    assert draws.step_uniforms(seed, 5) == seeds.action_uniforms(seed, 5).tolist()
+    assert draws.step_uniforms(seed, 5) == [[u] for u in seeds.action_uniforms(seed, 5).tolist()]
+    for dims in (2, 4, 5, 9):
+        assert draws.step_uniforms(seed, 3, dims) == seeds.choice_uniforms(seed, 3, dims).tolist()
     assert draws.initial_seed(run) == seeds.initial_weights_seed(run)
     order = seeds.shuffle_generator(run, iteration).permutation(30)
     assert np.array_equal(draws.shuffles(run, iteration).permutation(30), order)

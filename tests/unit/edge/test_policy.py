@@ -4,8 +4,8 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from bpn_edge.policy import (
-    action_selector,
     epsilon_greedy_action,
+    softmax,
     softmax_action,
     softmax_weights,
 )
@@ -58,7 +58,7 @@ def test_an_episode_is_played_at_the_beta_of_its_weights_version(
     config = RunConfig.bare("reaching", iterations=9, beta=0.5, beta_run_final_factor=5)
     assignment = Assignment(status="play", iteration=2**31 + version, weights_version=version)
     expected = softmax_action(o, scale, 0.5 + 2 * min(version, 8) / 8, uniform)
-    assert action_selector(config, assignment, scale)(o, uniform) == expected
+    assert softmax(config, assignment, scale)(o, uniform) == expected
 
 
 @given(outputs, st.floats(0, 1), uniforms)

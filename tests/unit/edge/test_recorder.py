@@ -5,8 +5,9 @@ from paper import TASKS
 
 from bpn_edge.recorder import EpisodeRecorder
 from bpn_shared.messages.control import Assignment
-from bpn_shared.messages.episode import EpisodeMeta
+from bpn_shared.messages.episode import Episode, EpisodeMeta
 from bpn_shared.messages.frame import NO_ACTION, FrameHeader, FrameKind
+from bpn_shared.spec.config import RunConfig
 from bpn_shared.spec.observation import frame_indices, stack
 
 TASK = TASKS["reaching"]
@@ -105,3 +106,19 @@ def test_an_observation_is_the_last_frames_with_the_first_one_repeated(step: int
     assert indices == padded[-n:]
     frames = [np.full((2, 84, 84), t, np.uint8) for t in range(step + 1)]
     assert stack(frames, step, n)[:, 0, 0].tolist() == [t for t in indices for _ in range(2)]
+
+
+def test_of_several_dimensions_it_holds_the_choice_in_each() -> None:
+    arm = RunConfig.for_task("arm").task_spec
+    applied = [NO_ACTION, arm.hold_action, 0, arm.joint_actions - 1]
+    recorder = EpisodeRecorder(arm)
+    for step, action in enumerate(applied):
+        kind = (FrameKind.FIRST, FrameKind.MID, FrameKind.MID, FrameKind.LAST)[step]
+        header = FrameHeader(kind, 0, 0, step, 9, 0, action)
+        recorder.add_frame(header, np.zeros(arm.frame_shape, np.uint8), step)
+        if step < 3:
+            recorder.add_outputs(np.zeros(arm.actions, np.int32), 1, 1)
+    assignment = Assignment(status="play", seed=5)
+    episode = recorder.finish(assignment, slot=0, worker="edge-1", weights_attempt=0)
+    assert episode.actions.tolist() == [[3] * 4, [0] * 4, [6] * 4]
+    assert Episode.decode(episode.encode(), arm).actions.tolist() == episode.actions.tolist()

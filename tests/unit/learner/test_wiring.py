@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 import torch
 
+from bpn_learner.gathering import RegressionBatch
 from bpn_learner.networks import BinaryNetwork
 from bpn_learner.transitions import EpisodeData, Transitions
 from bpn_learner.update import (
     EVALUATION_BATCH,
-    RegressionBatch,
     UpdateConfig,
     fit,
     make_optimizer,
@@ -169,4 +169,7 @@ def test_the_network_is_left_as_it_is_released() -> None:
     policy_update(found, make_optimizer(found, 1e-3), data, settings, np.random.default_rng(0))
     assert not found.training
     seen = data.gather(data.observations)
-    assert torch.equal(preferences(found, seen), torch.cat([found(s[None].float()) for s in seen]))
+    assert torch.equal(
+        preferences(found, seen.split(EVALUATION_BATCH)),
+        torch.cat([found(s[None].float()) for s in seen]),
+    )

@@ -10,10 +10,13 @@ from bpn_dashboard.access.connections import Connections
 from bpn_dashboard.access.guard import MAX_BODY_BYTES, Guard
 from bpn_dashboard.api import (
     artefacts,
+    comparison,
     episodes,
     logs,
+    overviews,
     problems,
     prometheus,
+    queue,
     runs,
     series,
     session,
@@ -21,6 +24,7 @@ from bpn_dashboard.api import (
     sweeps,
     system,
     trash,
+    views,
     watch,
 )
 from bpn_dashboard.api.context import Context, Viewer
@@ -73,7 +77,11 @@ def create_app(
     )
     app.state.context = context
     problems.install(app)
-    for module in (session, runs, trash, sweeps, series, artefacts, episodes, logs, system, watch):
+    # Paths with a name in place of a run's id come before those with the id.
+    for module in (
+        session, overviews, queue, runs, trash, sweeps, series, comparison, artefacts, episodes, logs,
+        system, views, watch,
+    ):  # fmt: skip
         app.include_router(module.router, prefix=PREFIX)
 
     @app.get(f"{PREFIX}/openapi.json", operation_id="getOpenApi", tags=["system"])

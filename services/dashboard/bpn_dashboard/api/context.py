@@ -19,6 +19,7 @@ from bpn_dashboard.database.engine import Database
 from bpn_dashboard.hub.samples import Samples
 from bpn_dashboard.hub.topology import Topology, TopologySnapshot
 from bpn_dashboard.registry.removals import Removals
+from bpn_dashboard.registry.saved_views import SavedViews
 from bpn_dashboard.registry.store import RunStore
 from bpn_dashboard.registry.versions import Refused
 from bpn_dashboard.registry.view import RegistryView
@@ -81,6 +82,7 @@ class Context:
         self.tokens = Tokens(self.database)
         self.cursors = Cursors(secret_key(self.database, "cursors"))
         self.series = SeriesQueries(self.database)
+        self.views = SavedViews(self.runs.runs_dir)
         self.samples = Samples(self.database, self.topology)
         self._instance = secret_key(self.database, "instance")[:4].hex()
 

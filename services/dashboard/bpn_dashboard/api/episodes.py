@@ -15,6 +15,7 @@ from bpn_shared.messages.base import MessageError
 from bpn_shared.messages.episode import Episode, decode_meta
 from bpn_shared.runs.folder import RunFolder
 from bpn_shared.spec.config import RunConfig
+from bpn_shared.spec.joint_actions import joined
 
 router = APIRouter(tags=["episodes"])
 
@@ -28,6 +29,10 @@ class EpisodeQuery(BaseModel):
     model_config = {"extra": "forbid"}
 
     iteration: Annotated[int | None, _COUNT] = None
+
+
+NUMBERS = "of several dimensions the last one's choice counts fastest"
+SIDE_BY_SIDE = "of several dimensions for each choice, the dimensions' side by side"
 
 
 class EpisodeItem(BaseModel):
@@ -57,9 +62,12 @@ class EpisodeSteps(BaseModel):
     """An episode without its pixels; lists have one entry for each of the T steps."""
 
     steps: int
-    actions: list[int]
-    action_names: Annotated[list[str], Field(description="of all actions, by number")]
-    outputs: Annotated[list[list[float]], Field(description="the network's o for each action")]
+    actions: Annotated[list[int], Field(description="numbers of the actions; " + NUMBERS)]
+    action_names: Annotated[list[str], Field(description="of all actions, by number; " + SIDE_BY_SIDE)]
+    action_dims: Annotated[list[int], Field(description="choices of each dimension of an action")]
+    outputs: Annotated[
+        list[list[float]], Field(description="the network's o for each action; " + SIDE_BY_SIDE)
+    ]
     preferences: Annotated[list[list[float]], Field(description="P = lambda * o")]
     rewards: Annotated[list[float] | None, Field(description="null until it is learned from")]
     weights_version: int
@@ -123,13 +131,17 @@ def get_episode(
     """What an episode's robot did, and what the policy thought of it."""
     folder = _folder(parts, run_id)
     config = folder.config()
-    stored = _episode(folder, config, iteration, episode)
+    task, stored = config.task_spec, _episode(folder, config, iteration, episode)
     scale = _scale(folder, stored.meta.weights_version)
     waited_us = stored.camera_to_action_ns / 1e3
     return EpisodeSteps(
         steps=stored.steps,
-        actions=stored.actions.tolist(),
-        action_names=list(config.task_spec.action_names),
+        actions=[
+            joined(choices, task.dims)
+            for choices in stored.actions.reshape(stored.steps, -1).tolist()
+        ],
+        action_names=list(task.action_names),
+        action_dims=list(task.dims),
         outputs=stored.outputs.tolist(),
         preferences=(stored.outputs * scale).tolist(),
         rewards=_rewards(folder, iteration, episode, stored.steps),

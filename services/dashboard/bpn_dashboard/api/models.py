@@ -70,6 +70,9 @@ class Run(BaseModel):
     iterations: int
     weights_version: int | None
     summary: RunSummary
+    values: Annotated[
+        dict[str, float | None], Field(description="of the `columns` that a list was asked for")
+    ] = {}
     error: str
     waiting_reason: Annotated[
         str, Field(description="why it makes no progress though it shall; empty if it does")
@@ -78,6 +81,7 @@ class Run(BaseModel):
     notes: str
     tags: list[str]
     sweep_id: str | None
+    priority: Annotated[int, Field(description="of those that wait the highest is served first")]
     archived_at_unix_s: float | None
     created_at_unix_s: float
     updated_at_unix_s: float
@@ -90,6 +94,7 @@ class Run(BaseModel):
         same = {name: getattr(row, name) for name in cls.model_fields if hasattr(RunRow, name)}
         return cls.model_construct(
             **same,
+            values={},
             summary=RunSummary(
                 returns=ReturnSummary(
                     metric=row.return_metric,

@@ -27,6 +27,7 @@ from bpn_dashboard.registry.errors import (
     UnknownSweepError,
 )
 from bpn_dashboard.registry.query_language import QueryError
+from bpn_dashboard.registry.saved_views import TooManyViewsError, UnknownViewError
 from bpn_shared.runs.opening import ForeignFileError
 from bpn_shared.spec.config import ConfigError
 
@@ -92,6 +93,8 @@ _FULL = (errno.ENOSPC, errno.EDQUOT)
 _EXPECTED: dict[type[Exception], tuple[int, str]] = {
     UnknownRunError: (404, "unknown-run"),
     UnknownSweepError: (404, "unknown-sweep"),
+    UnknownViewError: (404, "unknown-view"),
+    TooManyViewsError: (409, "too-many-views"),
     StaleError: (412, "stale"),
     RunBusyError: (409, "run-busy"),
     RunStateError: (409, "run-state"),

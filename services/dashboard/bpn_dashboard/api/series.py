@@ -1,6 +1,5 @@
 """Metrics of runs: what there is, curves of groups, and files to take away."""
 
-from collections.abc import Sequence
 from typing import Annotated, Any, Literal
 
 import orjson
@@ -11,12 +10,12 @@ from pydantic import BaseModel, Field
 from bpn_dashboard.api import export
 from bpn_dashboard.api.configs import ConfigKey
 from bpn_dashboard.api.configs import Request as Body
-from bpn_dashboard.api.context import Context, Parts, Viewer
+from bpn_dashboard.api.context import Parts, Viewer
 from bpn_dashboard.api.filters import RunFilterQuery
 from bpn_dashboard.api.groups import Group, group_runs
 from bpn_dashboard.api.models import MAX_IDS, MetricName, RunId
 from bpn_dashboard.api.problems import ApiError, responses
-from bpn_dashboard.database.tables import RunRow
+from bpn_dashboard.api.subject import runs_of
 from bpn_dashboard.series.axes import Axis
 from bpn_dashboard.series.query import Series, View
 from bpn_dashboard.series.statistics import Band, Statistic
@@ -131,7 +130,7 @@ def list_metrics(_who: Viewer, parts: Parts, run_id: str) -> MetricNames:
 )
 def query_series(_who: Viewer, parts: Parts, request: Request, body: SeriesQuery) -> Response:
     """Curves from all points of all runs asked for; every bucket keeps its extremes."""
-    found_groups = group_runs(_runs(parts, body.runs, body.filter), body.group_by)
+    found_groups = group_runs(runs_of(parts, body.runs, body.filter), body.group_by)
     groups = found_groups[-body.max_groups :]
     if len(groups) * len(body.metrics) > _MAX_CURVES:
         raise ApiError(
@@ -170,7 +169,7 @@ def export_series(
     _who: Viewer, parts: Parts, query: Annotated[ExportQuery, Query()]
 ) -> StreamingResponse:
     """Every point of the metrics: a row for each run and iteration."""
-    rows = _runs(parts, [run for run in query.runs.split(",") if run], None)
+    rows = runs_of(parts, [run for run in query.runs.split(",") if run], None)
     metrics = [metric for metric in query.metrics.split(",") if metric]
     export.check(metrics, parts.series.names_in([row.id for row in rows]))
     tables = export.tables(parts.series, rows, metrics)
@@ -179,19 +178,6 @@ def export_series(
         media_type=export.MEDIA_TYPES[query.format],
         headers={"Content-Disposition": f'attachment; filename="series.{query.format}"'},
     )
-
-
-def _runs(
-    parts: Context,
-    ids: Sequence[str] | None,
-    runs: RunFilterQuery | None,
-) -> list[RunRow]:
-    if (ids is None) == (runs is None):
-        raise ApiError(422, "which-runs", "give either runs or filter")
-    if ids is not None:
-        return [parts.runs.get(run_id) for run_id in dict.fromkeys(ids)]
-    assert runs is not None
-    return parts.runs.find(runs.to_filter())
 
 
 def _header(group: Group, series: Series) -> dict[str, Any]:

@@ -97,6 +97,8 @@ class RunRow(Base):
     tags: Mapped[list[str]]
     sweep_id: Mapped[str | None] = mapped_column(ForeignKey(SweepRow.id))
     archived_at: Mapped[float | None]
+    priority: Mapped[int] = mapped_column(default=0, server_default="0")
+    """Of those that wait for workers the highest is served first, and of equal ones the oldest."""
     created_at: Mapped[float]
     updated_at: Mapped[float]
     rev: Mapped[int]

@@ -68,8 +68,8 @@ def sources(bus: Bus, runs_dir: Path, topology: Topology, counters: Counters) ->
     def open_topology(_topic: Topic, put: Put) -> Close:
         return _every(1 / DELIVERY["topology"].rate_hz, lambda: put(topology))
 
-    def in_slot(key: Callable[[UUID, int], str]) -> Callable[[Topic], str]:
-        return lambda topic: key(_run(topic), topic.slot or 0)
+    def in_slot(key: Callable[[UUID, int, str], str]) -> Callable[[Topic], str]:
+        return lambda topic: key(_run(topic), topic.slot or 0, keys.ANY)
 
     def metrics_key(topic: Topic) -> str:
         return keys.metrics(_run(topic), "*", "*")

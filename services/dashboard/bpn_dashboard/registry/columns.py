@@ -25,7 +25,7 @@ OWN: dict[str, Any] = {
         RunRow.created_at, RunRow.updated_at, RunRow.state, RunRow.task,
         RunRow.algorithm, RunRow.seed, RunRow.iteration, RunRow.return_last, RunRow.return_best,
         RunRow.return_mean_last_5, RunRow.length_last, RunRow.error, RunRow.attempt,
-        RunRow.weights_version, RunRow.disk_bytes,
+        RunRow.weights_version, RunRow.disk_bytes, RunRow.priority,
     )
 } | {"name": RunRow.name_order}  # fmt: skip
 _NULLABLE = {

@@ -8,7 +8,7 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from sqlalchemy import ColumnElement, and_, func, or_, select
+from sqlalchemy import ColumnElement, and_, func, or_, select, true
 from sqlalchemy.orm import Session
 
 from bpn_dashboard.database.tables import RunRow
@@ -138,7 +138,8 @@ def conditions(runs: RunFilter) -> list[ColumnElement[bool]]:
 def _has_text(text: str) -> ColumnElement[bool]:
     """Every word of a text is somewhere in it."""
     return and_(
-        *(RunRow.search_text.contains(word, autoescape=True) for word in folded(text).split())
+        true(),
+        *(RunRow.search_text.contains(word, autoescape=True) for word in folded(text).split()),
     )
 
 

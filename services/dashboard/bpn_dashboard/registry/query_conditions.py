@@ -257,6 +257,7 @@ _OWN: Mapping[str, _Meets] = {
     "progress": _number(RunRow.iteration * 1.0 / func.nullif(RunRow.iterations, 0)),
     "attempt": _number(RunRow.attempt),
     "weights": _number(RunRow.weights_version),
+    "priority": _number(RunRow.priority),
     "length": _number(RunRow.length_last),
     "return": _number(RunRow.return_last),
     "return.last": _number(RunRow.return_last),

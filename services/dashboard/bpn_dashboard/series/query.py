@@ -105,6 +105,21 @@ class SeriesQueries:
         found = ((row.run_id, value_of(row, value)) for row in rows)
         return {run_id: number for run_id, number in found if number is not None}
 
+    def table(
+        self, run_ids: Sequence[str], columns: Sequence[tuple[str, Value]]
+    ) -> dict[str, dict[tuple[str, Value], float]]:
+        """For each run what these of its metrics came to; what it does not have is left out."""
+        names = sorted({metric for metric, _ in columns})
+        with self._database.reading() as session:
+            rows = store.metrics_of(session, run_ids, names) if names else []
+        found: dict[str, dict[tuple[str, Value], float]] = {run_id: {} for run_id in run_ids}
+        for row in rows:
+            for metric, value in columns:
+                number = value_of(row, value) if metric == row.name else None
+                if number is not None:
+                    found[row.run_id][metric, value] = number
+        return found
+
     def revision(self) -> int:
         """Grows with every point of any run."""
         with self._database.reading() as session:

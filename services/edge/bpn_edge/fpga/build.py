@@ -26,8 +26,8 @@ class Build:
         channels: the largest C.
         hidden_units: the largest N.
         actions: the largest |A|.
-        keeps_frame: whether it keeps what a frame is to the next one, so that of two stacked frames only the newer one
-            is sent; it makes conv1 twice as large.
+        keeps_frame: whether it keeps what a frame is to the next one, so that of two stacked frames only
+            the newer one is sent; it makes conv1 twice as large.
 
     Raises:
         ValueError: one is outside its range.
@@ -51,7 +51,7 @@ class Build:
                 raise ValueError(f"{name} = {getattr(self, name)} must be in 2..{most}")
 
     def frames(self, channels: int) -> int:
-        """Of how many stacked frames, one is sent for an observation of C channels: 2 if it keeps the earlier one."""
+        """Of how many frames, stacked to C channels, one is sent: 2 where it keeps the earlier one."""
         return 2 if self.keeps_frame and channels % 2 == 0 else 1
 
     def beats(self, channels: int) -> int:

@@ -119,10 +119,8 @@ class Device:
     def memories(self, bank: int, spec: NetworkSpec) -> tuple[Words, Words, Words]:
         """What is in a bank's memories, as `packing.memories` has it."""
         beats = self.build.beats(spec.channels)
-        lanes, used = (
-            self.build.conv1_lanes,
-            self.build.frames(spec.channels) * self.build.pixel_bytes,
-        )
+        lanes = self.build.conv1_lanes
+        used = self.build.frames(spec.channels) * self.build.pixel_bytes
         node_groups, action_groups = groups(spec.hidden_units), groups(spec.actions)
         with self._lock:
             rows = [

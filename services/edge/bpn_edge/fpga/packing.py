@@ -142,9 +142,8 @@ def _conv1_words(build: Build, conv1: Layer, bits: Bits) -> Words:
     sides = sides.transpose(0, 1, 2, 3, 5, 4, 6).reshape(*sides.shape[:4], frames, block)
     sides = _padded(sides[..., ::-1, :], _whole(build, block), axis=5, with_=0)
     sides = sides.reshape(*sides.shape[:5], -1, build.pixel_bytes)
-    return _packed(
-        sides.transpose(2, 5, 4, 1, 3, 0, 6)
-    )  # row, beat, frame | half, half, output, byte
+    # row, beat, frame | half, half, output, byte
+    return _packed(sides.transpose(2, 5, 4, 1, 3, 0, 6))
 
 
 def _words(bits: Bits) -> Words:

@@ -4,18 +4,18 @@ from math import cos, radians, sin
 
 from bpn_robot_sim.planar_arm.scene import BASE_PX
 from bpn_tasks.factored import ARM_TURNS_DEG
-from bpn_tasks.markers import REACHING_TARGET_RADIUS_PX
+from bpn_tasks.markers import ARM_HAND_RADIUS_PX, REACHING_TARGET_RADIUS_PX
 
 LINK_LENGTHS_PX = (12.0, 10.0, 9.0, 8.0)
 """With the hand's radius they sum to 42, half the image: the workspace touches its border."""
 LINK_WIDTH_PX = 4.0
-HAND_RADIUS_PX = 3.0
+HAND_RADIUS_PX = ARM_HAND_RADIUS_PX
 TARGET_RADIUS_PX = REACHING_TARGET_RADIUS_PX
 
 START_DEG = (-120, 20, 20, 20)
 """Below the base, bent a little."""
-TARGET_ANGLES_DEG = (20.0, 160.0)
-TARGET_DISTANCES_PX = (14.0, 34.0)
+TARGET_ANGLES_DEG = (45.0, 135.0)
+TARGET_DISTANCES_PX = (20.0, 34.0)
 """Of a target from the base, above it: the arm can reach all of them, and covers none at the start."""
 
 TURNS_DEG = ARM_TURNS_DEG

@@ -23,10 +23,22 @@ HEADER = FrameHeader(
 
 
 def test_the_headers_bytes_are_what_they_always_were() -> None:
-    expected = struct.pack("<5B3x3I2Q2Id", 3, 3, 3, 6, 1, 1, 2, 3, 4, 5, 7, 8, -0.5)
+    expected = struct.pack("<4B3I3Q2Id", 4, 3, 3, 1, 1, 2, 3, 4, 6, 5, 7, 8, -0.5)
     assert HEADER.encode() == expected
-    assert [HEADER._replace(success=s).encode()[4] for s in (None, False, True)] == [255, 0, 1]
-    assert (NO_ACTION, NO_SUCCESS) == (255, 255)
+    assert [HEADER._replace(success=s).encode()[3] for s in (None, False, True)] == [255, 0, 1]
+    assert (NO_ACTION, NO_SUCCESS) == (2**64 - 1, 255)
+
+
+@pytest.mark.parametrize(("byte", "action"), [(6, 6), (255, NO_ACTION)])
+def test_headers_of_the_schema_before_are_read(byte: int, action: int) -> None:
+    older = struct.pack("<5B3x3I2Q2Id", 3, 3, 3, byte, 1, 1, 2, 3, 4, 5, 7, 8, -0.5)
+    assert FrameHeader.decode(older) == HEADER._replace(applied_action=action)
+
+
+@given(st.integers(0, 2**64 - 1))
+def test_an_action_of_many_dimensions_has_room(action: int) -> None:
+    header = HEADER._replace(applied_action=action)
+    assert FrameHeader.decode(header.encode()) == header
 
 
 def test_what_need_not_be_told_has_a_default() -> None:
@@ -44,8 +56,8 @@ def test_what_need_not_be_told_has_a_default() -> None:
     ("place", "value", "reason"),
     [
         (1, 4, r"kind 4 is none of 0\.\.3"),
-        (4, 2, "success 2 is none of 0, 1, 255"),
-        (4, 254, "success 254 is none of 0, 1, 255"),
+        (3, 2, "success 2 is none of 0, 1, 255"),
+        (3, 254, "success 254 is none of 0, 1, 255"),
     ],
 )
 def test_values_that_are_none_are_refused(place: int, value: int, reason: str) -> None:
@@ -57,7 +69,7 @@ def test_values_that_are_none_are_refused(place: int, value: int, reason: str) -
 
 def test_another_schema_is_told_from_damage() -> None:
     data = HEADER.encode()
-    with pytest.raises(OtherVersionError, match="schema 2, this program reads 3"):
+    with pytest.raises(OtherVersionError, match="schema 2, this program reads 3 and 4"):
         FrameHeader.decode(b"\x02" + data[1:])
     for wrong in (b"", data[:-1], data + b"x"):
         with pytest.raises(

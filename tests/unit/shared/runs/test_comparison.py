@@ -18,6 +18,7 @@ from bpn_shared.runs.comparison import (
     performance_profile,
     probability_of_improvement,
     rank_sum_p,
+    stratified_p,
 )
 from bpn_shared.runs.statistics import merge_seeds
 
@@ -159,3 +160,27 @@ def test_nothing_has_no_statistic(ask) -> None:
     for empty in ([], [np.array([])]):
         with pytest.raises(ValueError, match="no scores"):
             ask(empty)
+
+
+@given(tied, tied)
+def test_of_one_stratum_the_test_is_the_rank_sum_test(one, other) -> None:
+    assert stratified_p([one], [other]) == rank_sum_p(one, other)
+
+
+def test_several_tasks_are_tested_within_each() -> None:
+    """Oracle: SciPy's permutation test, which permutes each task's seeds for itself."""
+    rng = np.random.default_rng(8)
+    ones = [rng.normal(0.8, 1, 5), rng.normal(100.8, 1, 4)]
+    others = [rng.normal(0, 1, 4), rng.normal(100, 1, 6)]
+    found = stratified_p(ones, others)
+    drawn = [
+        stats.permutation_test(
+            pair, lambda x, y: (x[:, None] > y[None, :]).mean(), n_resamples=np.inf
+        ).null_distribution
+        for pair in zip(ones, others, strict=True)
+    ]
+    null = np.abs((drawn[0][:, None] + drawn[1][None, :]) / 2 - 0.5)  # all of both, exactly
+    value = probability_of_improvement(ones, others).value
+    expected = (null >= abs(value - 0.5) - 1e-12).mean()
+    assert found == pytest.approx(expected, abs=0.02)
+    assert stratified_p([np.ones(3)] * 2, [np.ones(3)] * 2) == 1.0

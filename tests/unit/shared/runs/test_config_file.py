@@ -169,7 +169,7 @@ EDITED = encode_config(CONFIG).replace(b'"seed": 9', b'"seed": 8')
     (b'{"task": "reaching", "alpha": 0.5, "beta2": 1}', "beta2 = 1: unknown"),
     (b"\xff\x00", "no JSON"),
     (b'{"alpha": 0.5}', "schema 1 tells the task by its name: task = None is no name"),
-    (b'{"task": "juggling"}', r"task = 'juggling': unknown; one of: gym:\[MODULE:\]ENVIRONMENT-ID, pan_tilt"),
+    (b'{"task": "juggling"}', r"task = 'juggling': unknown; one of: arm, gym:\[MODULE:\]ENVIRONMENT-ID, pan_tilt"),
     (b"", "no JSON"),
 ])  # fmt: skip
 def test_a_damaged_or_edited_file_is_refused_in_one_line(data: bytes, reason: str) -> None:

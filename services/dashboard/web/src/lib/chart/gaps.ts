@@ -4,7 +4,9 @@ import type { Line } from './plan';
 
 /** Places whose value stands alone: no line leads to it, so that it needs a dot. Undefined: another line's x. */
 export function alone(values: ArrayLike<number | null | undefined>): number[] {
-  const own = Array.from(values, (value, at) => (value === undefined ? -1 : at)).filter((at) => at >= 0);
+  const own = Array.from(values, (value, at) => (value === undefined ? -1 : at)).filter(
+    (at) => at >= 0,
+  );
   const there = (at: number | undefined): boolean =>
     at !== undefined && values[at] !== null && values[at] !== undefined;
   return own.filter((at, i) => there(at) && !there(own[i - 1]) && !there(own[i + 1]));

@@ -5,7 +5,13 @@ import { draftOf, fieldsOf, read } from './draft';
 import { fieldOf, parseValue, presetOf, sectionsOf } from './form';
 import { parseValues, runsOf } from './sweep';
 
-const TASK = { action_names: [], frames_stacked: 1, control_period_s: 0.145, preset: {} };
+const TASK = {
+  action_names: [],
+  action_dims: [],
+  frames_stacked: 1,
+  control_period_s: 0.145,
+  preset: {},
+};
 const SCHEMA: ConfigSchema = {
   schema: {
     properties: {

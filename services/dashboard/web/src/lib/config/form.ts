@@ -41,6 +41,7 @@ const SECTIONS: { title: string; open: boolean; keys: string[] }[] = [
       'replay_transitions',
       'reward_scale',
       'disturb',
+      'augment',
     ],
   },
   {

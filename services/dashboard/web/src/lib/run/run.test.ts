@@ -9,7 +9,7 @@ import {
   step,
   toggle,
 } from './playback';
-import { betaOf, softmax } from './policy';
+import { actionName, betaOf, choicesOf, outputsTaken, softmax, softmaxOfEach } from './policy';
 import { Following } from './following';
 import { RunLog } from './log';
 import { linesOf, matches, merge, rowsOf } from './tail';
@@ -26,6 +26,24 @@ test('beta rises on a line to its factor in the last iteration, and stays', () =
   const config = { beta: 2, beta_run_final_factor: 3, iterations: 5 };
   expect([0, 2, 4, 5].map((version) => betaOf(config, version))).toEqual([2, 4, 6, 6]);
   expect(betaOf({ beta: 2, iterations: 1 }, 1)).toBe(2);
+});
+
+test('an action of several dimensions is one choice in each, and each has a softmax of its own', () => {
+  const dims = [3, 2, 4];
+  for (let action = 0; action < 24; action += 1) {
+    const [a, b, c] = choicesOf(action, dims) as [number, number, number];
+    expect(a * 8 + b * 4 + c).toBe(action);
+    expect(outputsTaken(action, dims)).toEqual([a, 3 + b, 5 + c]);
+  }
+  expect(choicesOf(3 ** 20 * 4 - 1, [...Array<number>(20).fill(3), 4])).toEqual([
+    ...Array<number>(20).fill(2),
+    3,
+  ]);
+  const shares = softmaxOfEach([0, 0, Math.log(2), 5, 5], 1, [3, 2]);
+  expect(shares).toEqual([0.25, 0.25, 0.5, 0.5, 0.5].map((p) => expect.closeTo(p)));
+  expect(softmaxOfEach([1, 2, 3], 2, [3])).toEqual(softmax([1, 2, 3], 2));
+  expect(actionName(5, ['left', 'right', 'up', 'stay', 'down'], [2, 3])).toBe('right, down');
+  expect(actionName(1, [], [2])).toBe('action 1');
 });
 
 test('playing shows every frame in its time and stops at the last', () => {

@@ -35,10 +35,13 @@ function aRun(i: number, change: Partial<Run> = {}): Run {
     notes: '',
     tags: [],
     sweep_id: null,
+    priority: 0,
+    values: {},
     archived_at_unix_s: null,
     created_at_unix_s: 0,
     updated_at_unix_s: 0,
     disk_bytes: null,
+    priority: 0,
     rev: 1,
     ...change,
   };
