@@ -279,11 +279,6 @@ export function parallelOf(
   return { width: widthPx, height: heightPx, background: ink.background, marks };
 }
 
-/** Titles at the ends stay inside. */
-function anchors(i: number, n: number): Anchor {
-  return i === 0 ? 'start' : i === n - 1 ? 'end' : 'middle';
-}
-
 /** Runs of points without a hole; a single one is drawn as a short stroke. */
 function pieces(
   points: readonly (readonly [number, number] | null)[],
