@@ -61,8 +61,8 @@ def choices_of(space: Any, task: str, bins: int) -> ActionChoices:
             else "wrap it with env_wrappers, or"
         )
         raise ConfigError(
-            f"{task} has actions of {len(found.dims)} dimensions with {sum(found.dims)} choices together ({shown}), "
-            f"a policy has at most {MAX_ACTIONS}: {remedy} ask for a smaller mode with env_kwargs if it has one"
+            f"{task} has actions of {len(found.dims)} dimensions with {sum(found.dims)} choices together "
+            f"({shown}), a policy has at most {MAX_ACTIONS}: {remedy} ask for a smaller mode with env_kwargs if it has one"
         )
     return found
 

@@ -2,7 +2,7 @@
 
 import { number, quantity } from '../format';
 import { axes, scaleOf, type Frame } from './axes';
-import { area, bar, label, line, type Anchor, type Drawing, type Ink, type Mark } from './drawing';
+import { area, bar, label, line, type Drawing, type Ink, type Mark } from './drawing';
 
 export interface Interval {
   value: number | null;
