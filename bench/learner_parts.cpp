@@ -16,7 +16,7 @@ using namespace bpn;
 
 namespace {
 
-constexpr int kImages = 32;
+constexpr int kImages = 32, kTransitions = 1200;
 std::mt19937 generator(0);
 
 template <class F>
@@ -87,7 +87,7 @@ int main() {
   }
   std::vector<int8_t> pixel_signs(layers[0].outputs * layers[0].fan_in(), 1);
   work.pixel_signs = pixel_signs.data();
-  std::vector<uint8_t> pixels(kImages * layers[0].image + kSlack);
+  std::vector<uint8_t> pixels(size_t(kTransitions) * layers[0].image + kSlack);
   for (auto& pixel : pixels) pixel = generator() & 255;
   std::vector<const uint8_t*> images;
   for (int b = 0; b < kImages; ++b) images.push_back(pixels.data() + b * layers[0].image);
@@ -100,7 +100,7 @@ int main() {
   const double conv1 = double(kImages) * layers[0].positions() * layers[0].outputs * layers[0].fan_in();
   const int stride = layers[0].positions() * layers[0].width;
   report("conv1 outputs", conv1, [&] {
-    for (int b = 0; b < kImages; ++b) convolve_pixels(layers[0], images[b], work.pixel_signs, work.outputs[0] + b * stride);
+    for (int b = 0; b < kImages; ++b) convolve_pixels(layers[0], images[b], nullptr, work.pixel_signs, work.outputs[0] + b * stride);
   });
   report("conv1 sign gradient", conv1, [&] {
     for (int b = 0; b < kImages; ++b)
@@ -139,4 +139,8 @@ int main() {
     give_latent(geometry, parameters.latent, work, out.latent);
   });
   report("whole minibatch", 0, [&] { gradients(geometry, batch, parameters, work, out); });
+  report("drawn from all of D", 0, [&] {
+    for (const uint8_t*& image : images) image = pixels.data() + generator() % kTransitions * layers[0].image;
+    gradients(geometry, batch, parameters, work, out);
+  });
 }

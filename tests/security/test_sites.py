@@ -4,7 +4,6 @@ import json
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
-from pathlib import Path
 from uuid import UUID
 
 import pytest
@@ -29,7 +28,7 @@ MACHINE = Identity.of("router", HERE, "pi-8")
 OBSERVER = "observer"
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="module", autouse=True)
 def machines(router: SecureRouter) -> SecureRouter:
     """The router admits a robot of its own certificate, and a machine with a router."""
     for identity in (ROBOT, MACHINE):
@@ -41,9 +40,7 @@ def machines(router: SecureRouter) -> SecureRouter:
 
 
 @pytest.fixture(scope="module")
-def machine_bus(
-    machines: SecureRouter, tmp_path_factory: pytest.TempPathFactory
-) -> Iterator[Bus]:
+def machine_bus(machines: SecureRouter, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Bus]:
     """A service on the machine, as its router's client."""
     endpoint = f"unixsock-stream/{tmp_path_factory.mktemp('machine')}/router.sock"
     process = subprocess.Popen(
@@ -73,7 +70,8 @@ def published(sender: Bus, observer: Bus, wait_for: WaitFor, marker: str) -> set
     """What gets through of what a robot of either site, or a learner, would publish."""
     seen: set[str] = set()
     subscriber = observer.zenoh.declare_subscriber(
-        "bpn/**", zenoh.handlers.Callback(lambda sample: seen.add(str(sample.key_expr)), indirect=False)
+        "bpn/**",
+        zenoh.handlers.Callback(lambda sample: seen.add(str(sample.key_expr)), indirect=False),
     )
     wait_for(lambda: sender.zenoh.put(marker, b"") or marker in seen, "the first message", 30)
     seen.clear()
@@ -89,7 +87,7 @@ def published(sender: Bus, observer: Bus, wait_for: WaitFor, marker: str) -> set
 
 
 def test_a_robots_certificate_is_good_for_its_own_site_alone(
-    machines: SecureRouter, open_as: OpenAs, wait_for: WaitFor
+    open_as: OpenAs, wait_for: WaitFor
 ) -> None:
     robot, observer = open_as(ROBOT.machine), open_as(OBSERVER)
     marker = keys.telemetry("robot_sim", f"{HERE}.m")

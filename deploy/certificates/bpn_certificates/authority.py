@@ -118,9 +118,9 @@ def new_key() -> ec.EllipticCurvePrivateKey:
     return ec.generate_private_key(ec.SECP256R1())
 
 
-def signing_request(key: ec.EllipticCurvePrivateKey, name: str) -> bytes:
-    """Asks for a certificate (PEM); the key itself stays where it is."""
-    builder = x509.CertificateSigningRequestBuilder().subject_name(_common_name(name))
+def signing_request(key: ec.EllipticCurvePrivateKey) -> bytes:
+    """Asks for a certificate (PEM), whose name is for the authority to say; the key itself stays where it is."""
+    builder = x509.CertificateSigningRequestBuilder().subject_name(x509.Name([]))
     return builder.sign(key, hashes.SHA256()).public_bytes(serialization.Encoding.PEM)
 
 
@@ -152,6 +152,12 @@ def is_issued_by(certificate: x509.Certificate, authority: x509.Certificate) -> 
     except Exception:  # wrong name, wrong signature, another kind of key: each is a no
         return False
     return True
+
+
+def common_name(certificate: x509.Certificate) -> str:
+    """Whom a certificate names."""
+    names = certificate.subject.get_attributes_for_oid(NameOID.COMMON_NAME)
+    return str(names[0].value) if names else ""
 
 
 def server_names(certificate: x509.Certificate) -> set[str]:

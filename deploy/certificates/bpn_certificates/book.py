@@ -10,7 +10,7 @@ import json
 import os
 import secrets
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -64,8 +64,16 @@ class Machine(_Record):
         return Identity.parse(self.common_name)
 
 
+class Door(_Record):
+    """Where machines are admitted: the names of that machine, the best one first, and the port."""
+
+    hosts: list[str]
+    port: int
+
+
 class _Content(_Record):
     version: Literal[1] = 1
+    door: Door | None = None
     invitations: Annotated[list[Invitation], Field(max_length=MAX_INVITATIONS)] = []
     machines: Annotated[list[Machine], Field(max_length=MAX_MACHINES)] = []
 
@@ -81,6 +89,17 @@ class Book:
     def __init__(self, folder: Path, now_unix_s: Callable[[], float] = time.time) -> None:
         self._folder, self._now = folder, now_unix_s
         self._home = folder / AUTHORITY_FOLDER
+
+    # Where
+
+    def place_door(self, hosts: Sequence[str], port: int) -> None:
+        """Notes where machines are admitted from now on, for invitations."""
+        with self._changed() as content:
+            content.door = Door(hosts=list(hosts), port=port)
+
+    def door(self) -> Door | None:
+        """Where machines are admitted, as noted last; None: it never was."""
+        return self._read().door
 
     # Invitations
 

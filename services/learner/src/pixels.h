@@ -99,11 +99,20 @@ template <int Columns>
   for (int c = 0; c < Columns; ++c) sums[c].store_to(o + c * l.width);
 }
 
-inline void convolve_pixels(const Layer& l, const uint8_t* image, const int8_t* signs, float* o) {
+// One of `parts` pieces of an image that is needed soon, and lies anywhere in D: beyond all caches.
+inline void fetch_ahead(const Layer& l, const uint8_t* image, int part, int parts) {
+  constexpr int kCacheLine = 64;
+  const int end = static_cast<int>(int64_t{l.image} * (part + 1) / parts);
+  for (int i = static_cast<int>(int64_t{l.image} * part / parts); i < end; i += kCacheLine) __builtin_prefetch(image + i);
+}
+
+// `next` is the image after this one, or null; it is fetched meanwhile.
+inline void convolve_pixels(const Layer& l, const uint8_t* image, const uint8_t* next, const int8_t* signs, float* o) {
   const int groups = (l.run + kTogetherPixels - 1) / kTogetherPixels;
   const int block = l.rows * groups * kTogetherPixels * kTogetherOutputs;
   for (int first = 0; first < l.width; first += kTogetherOutputs, signs += block)
-    for (int y = 0; y < l.size; ++y)
+    for (int y = 0; y < l.size; ++y) {
+      if (next && first == 0) fetch_ahead(l, next, y, l.size);
       for (int x = 0; x < l.size;) {
         const uint8_t* patch = image + y * l.step_y + x * l.step_x;
         float* to = o + (y * l.size + x) * l.width + first;
@@ -112,6 +121,7 @@ inline void convolve_pixels(const Layer& l, const uint8_t* image, const int8_t* 
         else convolve_pixels_at<1>(l, patch, signs, to);
         x += many ? kColumns : 1;
       }
+    }
 }
 
 }  // namespace

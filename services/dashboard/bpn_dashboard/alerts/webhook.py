@@ -79,7 +79,7 @@ def signature(secret: bytes, at_s: int, body: bytes) -> str:
 class _NoRedirect(urllib.request.HTTPRedirectHandler):
     """To no other address than the operator's."""
 
-    def redirect_request(self, *_arguments: Any) -> None:  # type: ignore[override]
+    def redirect_request(self, *_arguments: Any) -> None:
         return None
 
 

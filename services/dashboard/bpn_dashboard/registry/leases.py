@@ -181,6 +181,11 @@ class LeaseBook:
         roles: tuple[Role, ...] = ("learner", "robot_sim", "edge")
         return [p for role in roles for p in demand.places(role) if p not in self._leases]
 
+    def site_wanted(self, place: Place) -> str | None:
+        """The site at which somebody is missing, beside a partner; None: any would do."""
+        partner = None if place.role == "learner" else self._leases.get(place.partner)
+        return None if partner is None else site_of(partner.worker)
+
     def vacancies(self) -> Counter[Role]:
         """By role, the places of all runs that nobody has."""
         return Counter(place.role for run in self._demands for place in self.missing(run))
@@ -275,10 +280,7 @@ class LeaseBook:
 
     def _is_apart(self, place: Place, site: str) -> bool:
         """Whether the partner at a place is of another site."""
-        if place.role == "learner":
-            return False
-        partner = self._leases.get(place.partner)
-        return partner is not None and site_of(partner.worker) != site
+        return self.site_wanted(place) not in (None, site)
 
     def _suits(self, place: Place, worker: str, idle: Idle, now_s: float) -> bool:
         """Whether a worker may have a place, for all that is known of those who are near its partner."""

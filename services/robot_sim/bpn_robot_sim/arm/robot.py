@@ -5,7 +5,7 @@ import numpy as np
 from bpn_robot.frame import Frame
 from bpn_robot_sim.arm import geometry, scene
 from bpn_robot_sim.planar_arm.robot import PlanarArm
-from bpn_robot_sim.planar_arm.scene import to_world
+from bpn_robot_sim.planar_arm.scene import BASE_PX, to_world
 from bpn_shared.spec.tasks import TaskSpec
 
 
@@ -19,7 +19,7 @@ class ArmRobot(PlanarArm):
 
     def __init__(self, task: TaskSpec) -> None:
         dims = (len(geometry.TURNS_DEG),) * len(geometry.LINK_LENGTHS_PX)
-        self._target_px = geometry.BASE_PX
+        self._target_px = BASE_PX
         super().__init__(task, scene.mjcf(), [dims], geometry.START_DEG)
 
     @property

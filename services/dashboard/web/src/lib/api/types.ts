@@ -86,6 +86,7 @@ export interface JsonSchemaProperty {
 }
 
 export type SystemStatus = Schemas['SystemStatus'];
+export type DiskStatus = Schemas['DiskStatus'];
 
 export type TaskInfo = Schemas['RunTask'];
 

@@ -4,7 +4,7 @@ import uPlot from 'uplot';
 import 'uplot/dist/uPlot.min.css';
 import type { Column } from '../api/types';
 import { PALETTE, withAlpha, type ThemeName } from '../colour';
-import { duration, number } from '../format';
+import { bytes, duration, number } from '../format';
 import { count } from '../stats';
 import type { Drawing, Ink } from '../vector/drawing';
 import { alone } from './gaps';
@@ -210,6 +210,7 @@ export class Plot {
   /** A value at the y axis; shares are written as percent, as in the title. */
   #tick(value: number | null): string {
     if (value === null) return '';
+    if (this.#state?.unit === 'bytes') return bytes(value);
     return number(this.#state?.unit === 'share' ? value * 100 : value, 5);
   }
 

@@ -38,7 +38,7 @@ export const BAND_TITLES: Record<Band, string> = {
 };
 export const AXIS_TITLES: Record<XAxis, string> = {
   iteration: 'iteration',
-  process_s: 'time worked on it',
+  process_s: 'time worked',
   wall_s: 'time since the start',
   transitions: 'transitions',
 };
@@ -78,7 +78,7 @@ export function metricsOf(view: View, returns: readonly string[]): string[] {
 }
 
 /** The part of a series query that all charts of the page share. */
-export type SharedQuery = Omit<SeriesQuery, 'metrics' | 'max_points'>;
+export type SharedQuery = Omit<SeriesQuery, 'metrics' | 'max_points' | 'max_groups'>;
 
 /** Of which runs, as bodies of requests have it. */
 export function subjectQuery(subject: Subject): {
