@@ -59,7 +59,7 @@ def calls(journal: Path) -> list[Any]:
     return [entry.argument if entry.call == "command" else entry.call for entry in read(journal)]
 
 
-@given(st.lists(st.sampled_from([None, 0, 1]), min_size=4, max_size=4))
+@given(answers=st.lists(st.sampled_from([None, 0, 1]), min_size=4, max_size=4))
 @settings(max_examples=6, suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_in_realtime_what_a_frame_tells_of_was_commanded(
     answers: list[int | None], playing: tuple[Running, EdgeSide], journal: Path
@@ -109,7 +109,7 @@ def test_in_realtime_a_robot_that_hears_nothing_holds_and_then_stops(
     assert calls(journal)[2 + len(rest)] == "reset"
 
 
-def test_a_late_edge_is_no_silent_one(begin: Begin, journal: Path, wait_for: WaitFor) -> None:
+def test_a_late_edge_is_no_silent_one(begin: Begin, journal: Path) -> None:
     """Its actions come too late, always: the robot holds, and the episode goes on to its end."""
     config = configured("realtime", 40)
     robot, edge = begin(config)
