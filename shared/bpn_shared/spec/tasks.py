@@ -76,8 +76,8 @@ class TaskOptions(GymOptions):
         AfterValidator(lambda text: format_dims(parse_dims(text))),
         Field(
             max_length=200,
-            description="gym tasks: choices of each dimension of an action, 3,3 say; empty: one dimension, or found "
-            "out by `bpn train`",
+            description="gym tasks: choices of each dimension of an action, 3,3 say; empty: one dimension, or "
+            "found out by `bpn train`",
         ),
     ] = ""
     disturb: Annotated[

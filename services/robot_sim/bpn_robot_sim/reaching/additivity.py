@@ -1,8 +1,8 @@
 """What it costs that preferences of joint actions are sums over the joints: reaching with both at once, exactly.
 
-An arm with ideal servos has 24 x 24 poses and 49 joint actions, so every iteration of CVI or Q-learning is computed
-in full: y(s,a) of all poses and actions, then P(s,.) as the weighted least-squares fit of y(s,.), which is y itself
-where P has 49 outputs, and the nearest sum P_1(a_1) + P_2(a_2) where it has 14.
+An arm with ideal servos has 24 x 24 poses and 49 joint actions, so every iteration of CVI or Q-learning is
+computed in full: y(s,a) of all poses and actions, then P(s,.) as the weighted least-squares fit of y(s,.), which
+is y itself where P has 49 outputs, and the nearest sum P_1(a_1) + P_2(a_2) where it has 14.
 `python -m bpn_robot_sim.reaching.additivity` prints the table of docs/factored-actions.md.
 """
 
