@@ -60,8 +60,8 @@ def choices_of(space: Any, task: str, bins: int) -> ActionChoices:
         )
         raise ConfigError(
             f"{task} has actions of {len(found.dims)} dimensions with {sum(found.dims)} choices together "
-            f"({shown}), a policy has at most {MAX_ACTIONS}: {remedy}, or ask for a smaller mode with env_kwargs if "
-            "it has one"
+            f"({shown}), a policy has at most {MAX_ACTIONS}: {remedy}, or ask for a smaller mode with env_kwargs "
+            "if it has one"
         )
     return found
 

@@ -103,7 +103,7 @@ def test_environments_with_several_dimensions_are_gymnasiums(name: str) -> None:
     env.reset(seed=1)
     assert np.array_equal(env.unwrapped.step(joined([1] * len(dims), dims))[0], whole)
     for wrong in ([1] * (len(dims) + 1), [99] + [0] * (len(dims) - 1)):
-        with pytest.raises(ValueError, match="is outside|argument"):
+        with pytest.raises(ValueError, match=r"is outside|argument"):
             env.unwrapped.step(wrong)
     env.close()
 
