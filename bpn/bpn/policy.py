@@ -37,7 +37,7 @@ class Policy:
     def __init__(self, config: RunConfig, weights: Weights, *, kernel: str | None = None) -> None:
         self.task: TaskSpec = config.task_spec
         self.weights = weights
-        self._beta = config.beta
+        self._beta = config.beta_of(weights.version)
         network = config.algorithm_spec.network
         self._kernel = load(kernel or choose_kernel(config.kernel, network, kernels_here()))
         self._kernel.load(weights)

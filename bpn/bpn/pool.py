@@ -2,13 +2,14 @@
 
 import os
 import platform
-from collections.abc import Collection
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 from bpn.certified import environment, local_endpoint
 from bpn.supervisor import Service
 from bpn_shared.bus.access import ROUTER
+from bpn_shared.bus.endpoint import network
 from bpn_shared.runtime.gym_modules import as_arguments
 
 
@@ -28,6 +29,7 @@ def services_of_pool(
     dashboard: list[str],
     *,
     certificates: Path | None = None,
+    enrolment_port: int | None = None,
     gym_modules: Collection[str] = (),
 ) -> list[Service]:
     """Router, dashboard, and workers that take whatever the registry gives them.
@@ -39,6 +41,7 @@ def services_of_pool(
         endpoint: where the router listens.
         dashboard: more options of the dashboard.
         certificates: a folder for each role (`bpn-certificates`), for a router that others reach over TLS.
+        enrolment_port: where machines that have a token are admitted; None: they are not.
         gym_modules: what robots may import for `gym:` tasks.
     """
     cores = sorted(os.sched_getaffinity(0))
@@ -64,19 +67,52 @@ def services_of_pool(
                 environment=environment(certificates, "learner"),
             )
         )
+    if certificates is not None and enrolment_port is not None:
+        services.append(enrolment(certificates, endpoint, enrolment_port))
+    return services + robots_and_edges(
+        size,
+        local_endpoint(endpoint),
+        lambda role: environment(certificates, role),
+        gym_modules=gym_modules,
+    )
+
+
+def robots_and_edges(
+    size: PoolSize,
+    endpoint: str,
+    environment_of: Callable[[str], Mapping[str, str]],
+    *,
+    gym_modules: Collection[str] = (),
+) -> list[Service]:
+    """Those of one machine: robot k and edge k share a core, the first pair with the router.
+
+    Args:
+        environment_of: by role, environment variables that lead to certificates.
+    """
+    cores = sorted(os.sched_getaffinity(0))
+    services = []
     for role, name, count, more in (
         ("robot_sim", "robot", size.robots, as_arguments(gym_modules)),
         ("edge", "edge", size.edges, []),
     ):
         for index in range(count):
-            place = ["--place", f"{platform.node()}/{index}"]
+            place = ["--connect", endpoint, "--place", f"{platform.node()}/{index}"]
             services.append(
                 Service(
                     f"{name}-{index}",
-                    [f"bpn_{role}", *connect, *place, *more],
+                    [f"bpn_{role}", *place, *more],
                     core=cores[index % len(cores)],
                     essential=False,
-                    environment=environment(certificates, role),
+                    environment=environment_of(role),
                 )
             )
     return services
+
+
+def enrolment(certificates: Path, endpoint: str, port: int) -> Service:
+    """Admits machines to a router at an endpoint with a host and a port."""
+    router = network(endpoint)
+    assert router is not None  # it asks for certificates, so it is no socket file
+    where = ["--host", router.host, "--port", str(port), "--router-port", str(router.port)]
+    arguments = ["bpn_certificates.enrolment", str(certificates), *where]
+    return Service("enrolment", arguments, essential=False)

@@ -211,9 +211,13 @@ def services_of_run(
     runs_dir: Path,
     endpoint: str,
     gym_modules: Collection[str] = (),
+    *,
+    by_router: bool = False,
 ) -> list[Service]:
     """Router, learners, and a robot with its edge for every slot; see `router_and_slots`."""
-    router, *slots = router_and_slots(run, config.robots, endpoint, gym_modules)
+    router, *slots = router_and_slots(
+        run, config.robots, endpoint, gym_modules, by_router=by_router
+    )
     learner = ["bpn_learner", "--run", str(run), "--connect", endpoint, "--runs-dir", str(runs_dir)]
     learners = [
         Service(service_name("learner", rank), [*learner, "--slot", str(rank)])
@@ -223,7 +227,12 @@ def services_of_run(
 
 
 def router_and_slots(
-    run: UUID, robots: int, endpoint: str, gym_modules: Collection[str] = ()
+    run: UUID,
+    robots: int,
+    endpoint: str,
+    gym_modules: Collection[str] = (),
+    *,
+    by_router: bool = False,
 ) -> list[Service]:
     """All services of a run but its learner.
 
@@ -233,6 +242,7 @@ def router_and_slots(
 
     Args:
         gym_modules: what robots may import for `gym:` tasks.
+        by_router: whether frames and actions go through the router, though robot and edge are on one machine.
     """
     allow = as_arguments(gym_modules)
     cores = sorted(os.sched_getaffinity(0))
@@ -244,5 +254,6 @@ def router_and_slots(
         core = cores[(first + slot) % len(cores)]
         there = ["--run", str(run), "--connect", endpoint, "--slot", str(slot)]
         services.append(Service(f"robot-{slot}", ["bpn_robot_sim", *there, *allow], core=core))
-        services.append(Service(f"edge-{slot}", ["bpn_edge", *there], core=core))
+        edge = ["bpn_edge", *there, *(["--by-router"] if by_router else [])]
+        services.append(Service(f"edge-{slot}", edge, core=core))
     return services

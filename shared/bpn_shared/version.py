@@ -38,13 +38,26 @@ def describe() -> str:
 @cache
 def commit() -> str | None:
     """The commit of this program, where it runs from a checkout or its image says so."""
-    told = os.environ.get(COMMIT)
+    return os.environ.get(COMMIT) or _git("rev-parse", "HEAD") or None
+
+
+@cache
+def has_uncommitted_changes() -> bool | None:
+    """Whether this program's checkout has changes that no commit has; None where that is not known."""
+    if os.environ.get(COMMIT):
+        return None
+    changes = _git("status", "--porcelain", "--untracked-files=no")
+    return None if changes is None else bool(changes)
+
+
+def _git(*arguments: str) -> str | None:
+    """What git says of this program's checkout; None where there is no git, or no checkout."""
     root, git = Path(__file__).parents[2], shutil.which("git")
-    if told or git is None or not (root / ".git").exists():
-        return told or None
+    if git is None or not (root / ".git").exists():
+        return None
     try:
         done = subprocess.run(  # noqa: S603 - fixed arguments
-            [git, "-C", str(root), "rev-parse", "HEAD"],
+            [git, "-C", str(root), *arguments],
             capture_output=True,
             text=True,
             timeout=5,
@@ -52,7 +65,7 @@ def commit() -> str | None:
         )
     except (OSError, subprocess.SubprocessError):
         return None
-    return done.stdout.strip() or None
+    return done.stdout.strip() if done.returncode == 0 else None
 
 
 def _torch_version() -> str | None:

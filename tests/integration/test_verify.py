@@ -22,7 +22,8 @@ Train = Callable[..., dict[str, Any]]
 
 SMALL = [
     "--seed", "9", "--iterations", "3", "--episodes", "4", "--epochs", "3", "--hidden-units", "16",
-    "--replay-iterations", "2", "--batch-size", "12", "--beta", "2.5", "--gamma", "0.8",
+    "--replay-iterations", "2", "--batch-size", "12", "--beta", "2.5", "--beta-run-final-factor", "3",
+    "--gamma", "0.8",
     "--learning-rate", "0.004", "--lr-update-final-factor", "0.1", "--lr-run-final-factor", "0.3",
     "--reward-scale", "0.05",
 ]  # fmt: skip
@@ -35,9 +36,12 @@ RUNS = {
     "dpp": ["reaching", "--algorithm", "dpp", "--robots", "2"],
     "pan and tilt": ["pan_tilt", "--steps", "12", "--alpha", "0.6", "--backend", "torch"],
     "gym": ["gym:CartPole-v1", "--steps", "25", "--frame-skip", "2", "--alpha", "0.6"],
+    "units found out": ["reaching", "--alpha", "0.6", "--scale-initial", "0", "--reward-scale", "0",
+                        "--n-step", "4"],
     "beyond the paper": ["tracking", "--steps", "12", "--alpha", "0.6", "--n-step", "3", "--gap-floor", "2",
                          "--max-updates", "7", "--replay-transitions", "60", "--bootstrap-terminals", "false",
-                         "--disturb", "noise=0..25,offset=-30..30,jpeg=30..90,backlash=2"],
+                         "--disturb", "noise=0..25,offset=-30..30,jpeg=30..90,backlash=2",
+                         "--augment", "gain=0.5..1.5,noise=9"],
     "factored": ["arm", "--alpha", "0.6", "--n-step", "2", "--gap-floor", "2", "--steps", "12"],
     "factored bqn": ["pan_tilt_both", "--algorithm", "bqn", "--steps", "12", "--epsilon-initial", "0.7",
                      "--epsilon-final", "0.3"],
@@ -82,7 +86,8 @@ def test_the_values_are_not_the_defaults() -> None:
 
 @pytest.mark.parametrize("name", RUNS)
 def test_a_run_agrees_with_what_is_recomputed(name: str, train: Train) -> None:
-    findings = verified(folder_of(train(*RUNS[name], *SMALL)))
+    task, *own = RUNS[name]
+    findings = verified(folder_of(train(task, *SMALL, *own)))
     assert differing(findings) == {}
     judged = {n for n, check in findings.checks.items() if check.compared}
     assert judged == set(CHECKS) - NOT_JUDGED.get(name, set())

@@ -1,6 +1,7 @@
 """Edge and robot on threads of the test's own process, and a robot whose frames a test can bend."""
 
 import threading
+import time
 from collections.abc import Callable
 
 import numpy as np
@@ -86,16 +87,16 @@ class EvilRobot:
         self._responder.close()
 
     def _play(self) -> None:
-        step, applied, mine = 0, 255, None
+        step, applied, mine, t_ns = 0, 255, None, 0
         while not self._stop.is_set():
             reset = self._reset
             if reset is not mine:
-                mine, step, applied = reset, 0, 255
+                mine, step, applied, t_ns = reset, 0, 255, time.monotonic_ns()
             if reset is not None:
                 last = step == self._config.steps
                 kind = FrameKind.FIRST if step == 0 else FrameKind.LAST if last else FrameKind.MID
                 header = FrameHeader(
-                    kind, reset.iteration, reset.episode, step, reset.reset_id, 1, applied, 1, 0,
+                    kind, reset.iteration, reset.episode, step, reset.reset_id, t_ns, applied, 1, 0,
                     reward=0.5,
                 )  # fmt: skip
                 header = self.bend(header, step)
@@ -103,11 +104,11 @@ class EvilRobot:
                 self._frames.put(pixels, header.encode())
             sample = self._actions.take(0.1)
             if step == self.forgets_at:
-                step, applied, self.forgets_at = 0, 255, -1
+                step, applied, self.forgets_at, t_ns = 0, 255, -1, time.monotonic_ns()
             elif sample is not None and mine is not None and self.hears:
                 action = Action.decode(sample.payload, self._config.task_spec.actions)
                 if (action.reset_id, action.step) == (mine.reset_id, step):
-                    step, applied = step + 1, action.action
+                    step, applied, t_ns = step + 1, action.action, time.monotonic_ns()
 
     def end(self) -> None:
         self._stop.set()

@@ -7,7 +7,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -75,10 +75,13 @@ def running_pool(
     runs_dir: Path,
     *options: str,
     environment: Mapping[str, str] | None = None,
+    program: Sequence[str] = (sys.executable, "-m", "bpn"),
+    folder: Path | None = None,
 ) -> Iterator[Pool]:
-    """`bpn up` with some options; stopped with Ctrl-C at the end."""
+    """`bpn up` with some options, in a folder if one is given; stopped with Ctrl-C at the end."""
     process = subprocess.Popen(
-        [sys.executable, "-m", "bpn", "up", "--port", "0", "--runs-dir", str(runs_dir), *options],
+        [*program, "up", "--port", "0", "--runs-dir", str(runs_dir), *options],
+        cwd=folder,
         stdout=subprocess.PIPE,
         text=True,
         env=None if environment is None else dict(environment),

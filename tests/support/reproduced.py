@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from bpn.reproduce import computers, report
+from bpn.reproduce import averaging, computers, report
 from bpn.reproduce.latency import DELAYS_MS
 from bpn.reproduce.targets import TARGETS
 
@@ -93,6 +93,24 @@ RESULTS: dict[str, tuple[list[dict[str, Any]], dict[str, Any]]] = {
     ),
 }
 
+RESULTS["averaging"] = (
+    [],
+    {
+        "optimum_px": -80.8,
+        "iterations": 50,
+        "cells": [
+            {
+                "update": update, "kind": kind, "sigma": sigma, "nodes": nodes,
+                "returns_px": [-90.0, -100.0] if sigma else [-81.0],
+            }
+            for update in averaging.UPDATES
+            for kind, sigma, nodes in [
+                *((kind, sigma, 0) for kind in averaging.KINDS for sigma in averaging.SIGMAS),
+                *(("fresh", 0.0, nodes) for nodes in averaging.NODES),
+            ]
+        ],
+    },
+)  # fmt: skip
 RESULTS["cartpole"] = (
     [
         {k: v for k, v in record("bpn", 128, seed).items() if k != "returns_px"}
@@ -115,16 +133,18 @@ RESULTS["robustness"] = (
         "trained_for": "noise=0..30",
         "trials": [
             {
-                "algorithm": algorithm, "seed": seed, "disturbed": disturbed, "level": level, "trials": 4,
-                "kept": 3 if disturbed else 0, "return_px": -800.0,
+                "algorithm": algorithm, "seed": seed, "augmented": augmented, "level": level, "trials": 4,
+                "kept": 3 if augmented else 0, "return_px": -800.0,
             }
             for seed in range(SEEDS)
             for algorithm in ("bpn", "cvi")
-            for disturbed in (False, True)
+            for augmented in (False, True)
             for level in ("", "noise=25")
         ],
     },
 )  # fmt: skip
+
+RESULTS["robustness-pan-tilt"] = RESULTS["robustness"]
 
 
 def made(name: str, *, quick: bool = False) -> dict[str, Any]:

@@ -20,11 +20,12 @@ from rich.table import Table
 
 from bpn.bench.learner import SPEC
 from bpn.bench.machine import machine
+from bpn_learner.gathering import RegressionBatch
 from bpn_learner.group import SINGLE_PROCESS, DistributedGroup, Group
 from bpn_learner.minibatch import available_paths
 from bpn_learner.networks import make_network
 from bpn_learner.rendezvous import connect, open_store
-from bpn_learner.update import RegressionBatch, UpdateConfig, fit, make_optimizer
+from bpn_learner.update import UpdateConfig, fit, make_optimizer
 from bpn_shared.spec.config import RunConfig
 
 LEARNERS = 2

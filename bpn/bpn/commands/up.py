@@ -8,7 +8,7 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
-from bpn.certified import check
+from bpn.certified import can_sign, check, folder_of, hosts, prepare
 from bpn.dashboard import Dashboard, DashboardAwayError
 from bpn.local_run import RunFailedError, private_endpoint
 from bpn.options import add_runs_dir
@@ -16,7 +16,10 @@ from bpn.outputs import check_runs_dir
 from bpn.pool import PoolSize, services_of_pool
 from bpn.supervisor import Supervisor
 from bpn.terminal import command
+from bpn_certificates.book import Book
+from bpn_certificates.invitations import LIFETIME_S, invite
 from bpn_shared.bus.access import ROUTER
+from bpn_shared.bus.endpoint import check_endpoint, network
 from bpn_shared.bus.router import configure
 from bpn_shared.errors import InputError
 from bpn_shared.runtime.gym_modules import add_gym_modules, allowed_modules
@@ -35,12 +38,21 @@ def add_options(parser: argparse.ArgumentParser, _arguments: Sequence[str]) -> N
     parser.add_argument("--port", type=int, default=8000, help="0: any free one (%(default)s)")
     parser.add_argument(
         "--listen", metavar="ENDPOINT",
-        help="the router's endpoint, for workers elsewhere (default: a private Unix socket)",
+        help="the router's endpoint, for robots on other machines: tls/0.0.0.0:7447 (default: a private "
+        "Unix socket)",
     )  # fmt: skip
     parser.add_argument(
         "--certificates", type=Path, metavar="FOLDER",
-        help="what `bpn-certificates` made there, for a router that other machines reach: "
-        "--listen tls/0.0.0.0:7447",
+        help="what `bpn-certificates` made there (default with --listen tls/...: in the runs folder, made if "
+        "there is none)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--server-name", action="append", metavar="NAME", default=[],
+        help="a name or address by which other machines reach this one (default: its addresses)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--enrolment-port", type=int, metavar="PORT",
+        help="where `bpn join` is answered (default: the one after the router's)",
     )  # fmt: skip
     parser.add_argument(
         "--first-run", metavar="TASK", default="",
@@ -65,27 +77,28 @@ def run(options: argparse.Namespace) -> int:
             "stop it or choose another --runs-dir"
         )
     size, port = _size(options), _port(options.port)
-    certificates = options.certificates and options.certificates / ROUTER
+    certificates = _certificates(options)
     if options.listen is not None:
-        configure(options.listen, certificates=certificates)  # what the router would refuse
-    if options.certificates is not None:
-        if options.listen is None:
-            raise InputError("--certificates is for a router that others reach: add --listen")
-        check(options.certificates, options.listen)
+        router = certificates and certificates / ROUTER
+        configure(options.listen, certificates=router)  # what the router would refuse
     check_runs_dir(options.runs_dir)
+    enrolment_port = _enrolment_port(options, certificates)
     logs = options.runs_dir / ".logs"
     services = services_of_pool(
         size,
         options.runs_dir,
         options.listen or private_endpoint(),
         ["--port", str(port), "--first-run", options.first_run],
-        certificates=options.certificates,
+        certificates=certificates,
+        enrolment_port=enrolment_port,
         gym_modules=allowed_modules(options.gym_modules),
     )
     supervisor = Supervisor(services, logs)
     stop = stop_on_signals()
     try:
         supervisor.start()
+        if certificates is not None and enrolment_port is not None:
+            _say_how_to_join(options, certificates, enrolment_port)
         _supervise(supervisor, options.runs_dir, stop)
     finally:
         supervisor.stop()
@@ -97,7 +110,51 @@ def run(options: argparse.Namespace) -> int:
     return 130
 
 
-def _port(wanted: int) -> int:
+def _certificates(options: argparse.Namespace) -> Path | None:
+    """The folder with everybody's certificates, which are made if it is the runs folder's own.
+
+    Raises:
+        InputError: they cannot be used.
+    """
+    listen: str | None = options.listen
+    given: Path | None = options.certificates
+    if listen is None:
+        for name, value in (("--certificates", given), ("--server-name", options.server_name)):
+            if value:
+                raise InputError(f"{name} is for a router that others reach: add --listen")
+        return None
+    if given is None and not listen.startswith("tls/"):
+        return None
+    folder = given or folder_of(options.runs_dir)
+    if given is None:
+        check_endpoint(listen)
+        check_runs_dir(options.runs_dir)
+        prepare(folder, listen, options.server_name)
+    check(folder, listen)
+    return folder
+
+
+def _enrolment_port(options: argparse.Namespace, certificates: Path | None) -> int | None:
+    """Where machines are admitted; None where none can be: the authority's key is elsewhere."""
+    router = network(options.listen or "")
+    if certificates is None or router is None or not can_sign(certificates):
+        return None
+    port = router.port + 1 if options.enrolment_port is None else options.enrolment_port
+    return _port(port, "--enrolment-port")
+
+
+def _say_how_to_join(options: argparse.Namespace, certificates: Path, port: int) -> None:
+    Book(certificates).place_door(hosts(certificates, options.server_name), port)
+    word = invite(certificates)
+    more = command("bpn", "invite", "--runs-dir", options.runs_dir)
+    print(
+        f"on the robot's machine, within {LIFETIME_S / 60:.0f} minutes: {command('bpn', 'join', word)}\n"
+        f"for another machine: {more}",
+        flush=True,
+    )
+
+
+def _port(wanted: int, option: str = "--port") -> int:
     """The port, if nobody listens there; for 0 a free one.
 
     It stays the same when the dashboard is restarted: pages that are open find it again.
@@ -106,7 +163,7 @@ def _port(wanted: int) -> int:
         InputError: it is no port, or is taken.
     """
     if not 0 <= wanted <= _MAX_PORT:
-        raise InputError(f"--port = {wanted} must be 0 to {_MAX_PORT}; 0 takes any free one")
+        raise InputError(f"{option} = {wanted} must be 0 to {_MAX_PORT}; 0 takes any free one")
     with socket.socket() as probe:
         probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)  # as the dashboard does
         try:
@@ -114,7 +171,7 @@ def _port(wanted: int) -> int:
             probe.listen()
         except OSError as error:
             raise InputError(
-                f"--port = {wanted}: {error.strerror}; choose another, or 0 for any free one"
+                f"{option} = {wanted}: {error.strerror}; choose another, or 0 for any free one"
             ) from error
         port: int = probe.getsockname()[1]
         return port

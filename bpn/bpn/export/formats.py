@@ -1,5 +1,7 @@
 """Which formats there are, what each writes, and what it needs."""
 
+import secrets
+import shutil
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -56,7 +58,16 @@ def export(
             raise InputError(f"{path} is there already: choose another name, or remove it")
     else:
         check_output("--output", path, (Path(found.name).suffix,))
-    return found.write(run, version, path)
+    # Whole or not at all, and what stood there stays until then.
+    unfinished = path.with_name(f".{secrets.token_hex(4)}-{path.name}")
+    try:
+        written = found.write(run, version, unfinished)
+        unfinished.replace(path)
+    finally:
+        if unfinished.is_dir():
+            shutil.rmtree(unfinished)
+        unfinished.unlink(missing_ok=True)
+    return [path / file.relative_to(unfinished) for file in written]
 
 
 def _binarized(run: Run, version: Version, form: str) -> WeightBlob:

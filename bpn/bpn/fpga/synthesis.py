@@ -13,6 +13,8 @@ ZU3EG = {"LUT": 70_560, "FF": 141_120, "BRAM36": 216, "DSP": 360}
 """What an xczu3eg has."""
 ECP5_85F = {"LUT": 83_640, "FF": 83_640, "BRAM18": 208, "DSP": 156}
 """What an LFE5U-85F has."""
+GW2AR_18 = {"LUT": 20_736, "FF": 15_552, "BRAM18": 46, "DSP": 48}
+"""What a GW2AR-18 has."""
 
 
 @dataclass(frozen=True)

@@ -5,13 +5,14 @@ purpose 1, a step's action      Philox with key (episode seed, 1), counter (step
                                 of D dimensions D doubles, counters (step ceil(D/4) and on, 0, 0, 0)
 purpose 2, the order of D       SeedSequence(2, run seed, iteration): one permutation an epoch
 purpose 3, initial weights      SeedSequence(3, run seed): one integer below 2**63, the seed of torch's generator
+purpose 7, pictures once more   SeedSequence(7, run seed, iteration, episode of D): one uint64
 """
 
 import numpy as np
 
 
 def keyed(*key: int) -> np.random.Generator:
-    """The generator of purposes 0, 2 and 3."""
+    """The generator of purposes 0, 2, 3 and 7."""
     return np.random.Generator(np.random.Philox(np.random.SeedSequence(list(key))))
 
 
@@ -28,6 +29,10 @@ def step_uniforms(seed: int, steps: int, dims: int = 1) -> list[list[float]]:
 
 def shuffles(run_seed: int, iteration: int) -> np.random.Generator:
     return keyed(2, run_seed, iteration)
+
+
+def camera_seed(run_seed: int, iteration: int, episode: int) -> int:
+    return int(keyed(7, run_seed, iteration, episode).integers(2**64, dtype=np.uint64))
 
 
 def initial_seed(run_seed: int) -> int:

@@ -14,6 +14,7 @@ from torch.nn import functional
 from bpn_shared.bnn.blob import WeightBlob
 from bpn_shared.bnn.float_weights import FloatWeights
 from bpn_shared.bnn.weights import Weights
+from bpn_shared.spec.config import RunConfig
 from bpn_shared.spec.network import NetworkSpec
 
 _PART = 256
@@ -130,6 +131,12 @@ def _of_model(weights: FloatWeights) -> Policy:
         rows.append(kernels.permute(0, 2, 3, 1).flatten(1))
     biases = tuple(constants[node.input[2]] for node in layers)
     return Policy(tuple(rows), (), biases, 1.0, kernel_sizes, strides)
+
+
+def inverse_temperature(config: RunConfig, iteration: int) -> float:
+    """Beta of an iteration: on a line over the run, to `beta_run_final_factor` of it in the last one."""
+    share = iteration / (config.iterations - 1) if config.iterations > 1 else 0.0
+    return config.beta * (1 + share * (config.beta_run_final_factor - 1))
 
 
 def parts(numbers: npt.NDArray[np.float64], dims: tuple[int, ...]) -> list[npt.NDArray[np.float64]]:

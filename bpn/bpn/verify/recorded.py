@@ -12,7 +12,14 @@ from torch import Tensor
 
 from bpn.verify import draws, pixels
 from bpn.verify.findings import Findings
-from bpn.verify.play import Policy, greedy_choice, observations, parts, softmax_choice
+from bpn.verify.play import (
+    Policy,
+    greedy_choice,
+    inverse_temperature,
+    observations,
+    parts,
+    softmax_choice,
+)
 from bpn.verify.targets import Played
 from bpn_shared.messages.base import MessageError
 from bpn_shared.messages.episode import Episode
@@ -70,9 +77,9 @@ class Recording:
     def choice(self, step: int, uniforms: list[float]) -> list[set[int]]:
         """What the run's policy does on the outputs that the edge recorded, in each dimension."""
         P = self.episode.outputs[step].astype(np.float64) * self.policy.scale
-        share = epsilon_of_each(self)
+        beta, share = inverse_temperature(self.config, self.iteration), epsilon_of_each(self)
         return [
-            softmax_choice(own, self.config.beta, uniform)
+            softmax_choice(own, beta, uniform)
             if self.config.policy == SOFTMAX
             else greedy_choice(own, share, uniform)
             for own, uniform in zip(parts(P, self.dims), uniforms, strict=True)
@@ -237,13 +244,16 @@ def answered(recording: Recording, step: int) -> list[int]:
 
 def explained(recording: Recording, uniforms: list[list[float]]) -> str:
     """What other way of acting gives all of an episode's actions, if one of the likely ones does."""
-    beta, scale = recording.config.beta, recording.policy.scale
-    share = epsilon_of_each(recording)
+    beta = inverse_temperature(recording.config, recording.iteration)
+    scale, share = recording.policy.scale, epsilon_of_each(recording)
     outputs = recording.episode.outputs.astype(np.float64)
     ways: dict[str, Act] = {
         "a softmax policy": lambda o, u: softmax_choice(o * scale, beta, u),
         "an epsilon-greedy policy": lambda o, u: greedy_choice(o, share, u),
         "the best action always": lambda o, u: greedy_choice(o, 0.0, u),
+        "a softmax policy at the run's first beta": lambda o, u: softmax_choice(
+            o * scale, recording.config.beta, u
+        ),
         "a softmax policy at beta = 1": lambda o, u: softmax_choice(o * scale, 1.0, u),
         "a softmax policy without lambda": lambda o, u: softmax_choice(o, beta, u),
     }

@@ -3,11 +3,15 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
 import torch
 from torch import Tensor
 
-from bpn.verify.play import Policy
+from bpn.verify import draws
+from bpn.verify.play import Policy, inverse_temperature, observations
+from bpn_shared.camera.disturbed import EpisodeCamera
 from bpn_shared.spec.config import RunConfig
+from bpn_shared.spec.disturbances import parse
 
 COMPUTED = ("cvi", "dqn")
 """The targets that are computed here; of others, which are somebody's own, only what they leave is looked at."""
@@ -37,7 +41,8 @@ class Targets:
     """What one update fits.
 
     Attributes:
-        seen: s of every transition of D in order, uint8[n, h, w, C].
+        seen: s of every transition of D in order, uint8[n, h, w, C]; behind them, where the run asks
+            for it, the same with pictures that were disturbed for the update.
         taken: the outputs that each action takes, one of each dimension, int64[n, D].
         y: float32[n].
         offset: c, what all preferences lack that are fitted to y (relative targets).
@@ -51,7 +56,32 @@ class Targets:
     max_preference: float
 
 
-def targets(config: RunConfig, D: Sequence[Played], policy: Policy, offset: float) -> Targets:
+def factor_on_rewards(config: RunConfig, D: Sequence[Played], before: float) -> float:
+    """The run's `reward_scale`; where that is 0, what makes the first returns over n steps that differ span 10.
+
+    Args:
+        before: what it was in the update before; 0: returns did not differ yet, as what this gives then.
+    """
+    if config.reward_scale or before:
+        return config.reward_scale or before
+    returns = [
+        sum(config.gamma**k * reward for k, reward in enumerate(rewards[t : t + config.n_step]))
+        for rewards in (episode.rewards.tolist() for episode in D)
+        for t in range(len(rewards))
+    ]
+    spread = max(returns) - min(returns)
+    return 10 / spread if spread else 0.0
+
+
+def targets(
+    config: RunConfig,
+    iteration: int,
+    D: Sequence[Played],
+    policy: Policy,
+    *,
+    offset: float,
+    reward_scale: float,
+) -> Targets:
     """Of all of D under the policy that the update begins with.
 
     CVI: y = r + gamma m(s') + alpha (P(s, a) - m(s)) with mellowmax m; DQN: y = r + gamma max_a P(s', a).
@@ -60,20 +90,22 @@ def targets(config: RunConfig, D: Sequence[Played], policy: Policy, offset: floa
 
     Args:
         offset: c of the policy's preferences.
+        reward_scale: factor on rewards.
     """
     P_of = [policy.preferences(episode.seen) for episode in D]
     P, P_next = torch.cat([p[:-1] for p in P_of]), torch.cat([p[1:] for p in P_of])
     dims = config.task_spec.action_dims or (config.task_spec.actions,)
     starts = torch.tensor([sum(dims[:d]) for d in range(len(dims))])
     taken = torch.cat([episode.actions for episode in D]) + starts
-    reward = torch.cat([(config.reward_scale * episode.rewards).float() for episode in D])
+    reward = torch.cat([(reward_scale * episode.rewards).float() for episode in D])
     ends = torch.cat([_ends(episode) for episode in D])
     is_cvi = config.algorithm_spec.targets == "cvi"
+    beta = inverse_temperature(config, iteration)
 
-    following = value_of(P_next, config.beta if is_cvi else None, dims)
+    following = value_of(P_next, beta if is_cvi else None, dims)
     if not config.bootstrap_terminals:
         following = torch.where(ends, torch.tensor(-offset, dtype=torch.float32), following)
-    gap = P.gather(1, taken).sum(dim=1) - value_of(P, config.beta, dims)
+    gap = P.gather(1, taken).sum(dim=1) - value_of(P, beta, dims)
     increased = config.alpha * (gap.clamp_min(-config.gap_floor) if config.gap_floor else gap)
     if config.n_step == 1:
         y = reward + config.gamma * following
@@ -90,8 +122,22 @@ def targets(config: RunConfig, D: Sequence[Played], policy: Policy, offset: floa
     if config.relative_targets:
         next_offset = config.gamma * offset + float(y.mean())
         y = y - y.mean()
-    seen = torch.cat([episode.seen[:-1] for episode in D]).permute(0, 2, 3, 1).contiguous()
+    shown = [episode.seen for episode in D]
+    if config.augment:
+        shown += [_seen_again(config, iteration, k, episode) for k, episode in enumerate(D)]
+        taken, y = taken.repeat(2, 1), y.repeat(2)
+    seen = torch.cat([of_episode[:-1] for of_episode in shown]).permute(0, 2, 3, 1).contiguous()
     return Targets(seen, taken, y, next_offset, float(P.abs().max()))
+
+
+def _seen_again(config: RunConfig, iteration: int, index: int, episode: Played) -> Tensor:
+    """An episode's observations, made of frames that the update disturbed."""
+    seed = draws.camera_seed(config.seed, iteration, index)
+    camera = EpisodeCamera(parse(config.augment), seed)
+    newest = episode.seen[:, -config.task_spec.frame_channels :].numpy()
+    frames = np.stack([camera.picture(frame, step) for step, frame in enumerate(newest)])
+    stacked = config.task_spec.frames_stacked
+    return observations(torch.from_numpy(frames), stacked, difference=config.difference)
 
 
 def _over_steps(

@@ -74,7 +74,7 @@ class Trainee:
         else:
             self.weights, self.biases = uniform(self.sizes), uniform(self.channels)
         self.gamma, self.beta = torch.ones(norms), torch.zeros(norms)
-        self.log_scale = torch.tensor(config.scale_initial if self.binary else 1.0).log()
+        self.log_scale = torch.tensor(_first_scale(config) if self.binary else 1.0).log()
         used = [self.weights, self.gamma, self.beta] if self.binary else [self.weights, self.biases]
         groups: list[dict[str, Any]] = [{"params": used}]
         if self.binary:
@@ -136,6 +136,11 @@ class Trainee:
         if self.binary and self.clips:
             with torch.no_grad():
                 self.weights.clamp_(-1, 1)
+
+
+def _first_scale(config: RunConfig) -> float:
+    """Lambda at the start; where none is given, beta P of random signs then varies by 0.3."""
+    return config.scale_initial or 0.3 / (config.beta * config.hidden_units**0.5)
 
 
 def normalized(sums: Tensor, gamma: Tensor, beta: Tensor) -> Tensor:

@@ -18,6 +18,7 @@ class Update:
         D: its data, the newest data sets in order.
         policy, following: the weights that it began with, and those that it left.
         offset: c of the policy's preferences.
+        reward_scale: what is known of it, see `factor_on_rewards`.
     """
 
     config: RunConfig
@@ -27,6 +28,7 @@ class Update:
     policy: Policy
     following: Policy
     offset: float
+    reward_scale: float
 
     @property
     def where(self) -> str:
@@ -34,4 +36,8 @@ class Update:
 
     def targets(self, config: RunConfig | None = None) -> Targets:
         """What it fits; with another configuration if one is given."""
-        return targets(config or self.config, self.D, self.policy, self.offset)
+        config = config or self.config
+        return targets(
+            config, self.iteration, self.D, self.policy,
+            offset=self.offset, reward_scale=config.reward_scale or self.reward_scale or 1.0,
+        )  # fmt: skip

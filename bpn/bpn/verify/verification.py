@@ -2,6 +2,7 @@
 
 import copy
 from collections.abc import Callable
+from typing import Any
 
 import torch
 
@@ -9,7 +10,7 @@ from bpn.verify import draws, explanations, recorded, records, rounding
 from bpn.verify.beginning import check_taken_over
 from bpn.verify.findings import Findings
 from bpn.verify.play import Policy, unpacked
-from bpn.verify.targets import COMPUTED, Played, Targets
+from bpn.verify.targets import COMPUTED, Played, Targets, factor_on_rewards
 from bpn.verify.trainee import Trainee, released
 from bpn.verify.training import gap, learning_rate_factors, train, updates
 from bpn.verify.update import Update
@@ -73,7 +74,7 @@ class Verification:
             self._follows = check_taken_over(self.folder, self._trainees, policy, self.findings)
         else:
             self._check_initial(policy)
-        told, offset = self.folder.rewards(), 0.0
+        told, offset, factor = self.folder.rewards(), 0.0, 0.0
         for iteration, record in enumerate(self.records):
             where = f"iteration {iteration}"
             if not self.findings.compare("files", "metrics", record["iteration"], iteration):
@@ -88,13 +89,21 @@ class Verification:
             self._D = _newest([*self._D, data], self.config)
             self._steps.append(sum(len(episode.actions) for episode in data))
             D = [episode for dataset in self._D for episode in dataset]
-            update = Update(self.config, iteration, record, D, policy, following, offset)
+            factor = self._factor(record, factor_on_rewards(self.config, D, factor))
+            update = Update(self.config, iteration, record, D, policy, following, offset, factor)
             offset = self._check_update(update)
             policy = following
         # what was played with the last version, of an iteration that was not finished
         recorded.played(self.folder, self.config, len(self.records), policy, self.findings)
         self._check_gaps()
         return self.findings
+
+    def _factor(self, record: dict[str, Any], expected: float) -> float:
+        """The factor on rewards; as it was told if that is what it should be, for it may be rounded otherwise."""
+        found = record.get("reward_scale", expected)  # versions before 0.2 told none
+        where = f"iteration {record['iteration']}, reward_scale"
+        same = self.findings.compare("targets", where, found, expected, tolerance=1e-9)
+        return float(found) if same else expected
 
     def _version(self, version: int) -> Policy | None:
         try:
@@ -165,9 +174,10 @@ class Verification:
 
     def _check_steps(self, update: Update) -> None:
         config, found = self.config, update.record["updates"]
+        times = 2 if config.augment else 1
         size = sum(len(episode.actions) for episode in update.D)
-        steps = updates(config, size)
-        of_all = updates(config, sum(self._steps))
+        steps = updates(config, times * size)
+        of_all = updates(config, times * sum(self._steps))
         hint = "it is that of the data sets of all iterations" if found == of_all else ""
         self.findings.compare("updates", update.where, found, steps, hint=hint)
 

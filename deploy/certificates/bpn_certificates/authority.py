@@ -1,6 +1,7 @@
 """X.509 as the services need it: an authority that signs certificates of servers and of clients."""
 
 import datetime
+import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from ipaddress import ip_address
@@ -67,7 +68,7 @@ def new_authority(name: str, validity: Validity) -> Identity:
     key = ec.generate_private_key(ec.SECP256R1())
     subject = _common_name(name)
     builder = (
-        _builder(subject, subject, key, key, validity)
+        _builder(subject, subject, key.public_key(), key, validity)
         .add_extension(x509.BasicConstraints(ca=True, path_length=0), critical=True)
         .add_extension(_usage(signs_certificates=True), critical=True)
     )
@@ -77,17 +78,31 @@ def new_authority(name: str, validity: Validity) -> Identity:
 def issue(
     authority: Identity, role: str, validity: Validity, *, server_names: Sequence[str] = ()
 ) -> Identity:
-    """A certificate that names a role; with `server_names` it is a server's as well as a client's.
+    """A certificate that names a role, and its new key; as `certify` makes it."""
+    key = ec.generate_private_key(ec.SECP256R1())
+    certificate = certify(authority, role, key.public_key(), validity, server_names=server_names)
+    return Identity(certificate, key)
+
+
+def certify(
+    authority: Identity,
+    common_name: str,
+    public_key: ec.EllipticCurvePublicKey,
+    validity: Validity,
+    *,
+    server_names: Sequence[str] = (),
+) -> x509.Certificate:
+    """A certificate for who has the key; with `server_names` it is a server's as well as a client's.
 
     Args:
         server_names: DNS names and IP addresses that clients reach the server by.
     """
-    key = ec.generate_private_key(ec.SECP256R1())
     purposes = [ExtendedKeyUsageOID.CLIENT_AUTH]
     if server_names:  # a router is another router's client
         purposes.append(ExtendedKeyUsageOID.SERVER_AUTH)
+    subject, issuer = _common_name(common_name), authority.certificate.subject
     builder = (
-        _builder(_common_name(role), authority.certificate.subject, key, authority.key, validity)
+        _builder(subject, issuer, public_key, authority.key, validity)
         .add_extension(x509.BasicConstraints(ca=False, path_length=None), critical=True)
         .add_extension(_usage(signs_certificates=False), critical=True)
         .add_extension(x509.ExtendedKeyUsage(purposes), critical=False)
@@ -95,7 +110,39 @@ def issue(
     if server_names:
         names = x509.SubjectAlternativeName([_server_name(name) for name in server_names])
         builder = builder.add_extension(names, critical=False)
-    return Identity(builder.sign(authority.key, hashes.SHA256()), key)
+    return builder.sign(authority.key, hashes.SHA256())
+
+
+def new_key() -> ec.EllipticCurvePrivateKey:
+    """For a certificate that another machine signs."""
+    return ec.generate_private_key(ec.SECP256R1())
+
+
+def signing_request(key: ec.EllipticCurvePrivateKey) -> bytes:
+    """Asks for a certificate (PEM), whose name is for the authority to say; the key itself stays where it is."""
+    builder = x509.CertificateSigningRequestBuilder().subject_name(x509.Name([]))
+    return builder.sign(key, hashes.SHA256()).public_bytes(serialization.Encoding.PEM)
+
+
+def requested_key(request: bytes) -> ec.EllipticCurvePublicKey:
+    """The key that a request is for, which its sender has proved to own.
+
+    Raises:
+        ValueError: it is no request, its signature is wrong, or the key is not of P-256.
+    """
+    asked = x509.load_pem_x509_csr(request)
+    key = asked.public_key()
+    if not asked.is_signature_valid:
+        raise ValueError("the request is not signed by its own key")
+    if not isinstance(key, ec.EllipticCurvePublicKey) or not isinstance(key.curve, ec.SECP256R1):
+        raise ValueError("the key must be of the elliptic curve P-256")
+    return key
+
+
+def key_digest(key: ec.EllipticCurvePublicKey) -> str:
+    """SHA-256 of a public key."""
+    form = serialization.PublicFormat.SubjectPublicKeyInfo
+    return hashlib.sha256(key.public_bytes(serialization.Encoding.DER, form)).hexdigest()
 
 
 def is_issued_by(certificate: x509.Certificate, authority: x509.Certificate) -> bool:
@@ -105,6 +152,12 @@ def is_issued_by(certificate: x509.Certificate, authority: x509.Certificate) -> 
     except Exception:  # wrong name, wrong signature, another kind of key: each is a no
         return False
     return True
+
+
+def common_name(certificate: x509.Certificate) -> str:
+    """Whom a certificate names."""
+    names = certificate.subject.get_attributes_for_oid(NameOID.COMMON_NAME)
+    return str(names[0].value) if names else ""
 
 
 def server_names(certificate: x509.Certificate) -> set[str]:
@@ -119,7 +172,7 @@ def server_names(certificate: x509.Certificate) -> set[str]:
 def _builder(
     subject: x509.Name,
     issuer: x509.Name,
-    key: ec.EllipticCurvePrivateKey,
+    public_key: ec.EllipticCurvePublicKey,
     issuer_key: ec.EllipticCurvePrivateKey,
     validity: Validity,
 ) -> x509.CertificateBuilder:
@@ -128,11 +181,11 @@ def _builder(
         x509.CertificateBuilder()
         .subject_name(subject)
         .issuer_name(issuer)
-        .public_key(key.public_key())
+        .public_key(public_key)
         .serial_number(x509.random_serial_number())
         .not_valid_before(validity.start)
         .not_valid_after(validity.end)
-        .add_extension(x509.SubjectKeyIdentifier.from_public_key(key.public_key()), critical=False)
+        .add_extension(x509.SubjectKeyIdentifier.from_public_key(public_key), critical=False)
         .add_extension(issuer_id, critical=False)
     )
 

@@ -9,6 +9,7 @@ from bpn_certificates import authority as x509
 from bpn_certificates.authority import Identity, Validity
 from bpn_shared.bus.access import ROLES, ROUTER
 from bpn_shared.bus.certificates import AUTHORITY, CERTIFICATE, KEY
+from bpn_shared.errors import InputError
 
 AUTHORITY_FOLDER = "authority"
 AUTHORITY_DAYS = 3650.0
@@ -36,21 +37,40 @@ def make(
         The folders whose certificates are new; `authority` first if that is.
     """
     renewed: list[str] = []
-    authority = _load(folder / AUTHORITY_FOLDER)
+    authority = load(folder / AUTHORITY_FOLDER)
     if authority is None or _days_left(authority) < days:
         authority = x509.new_authority("bpn authority", Validity.of_days(AUTHORITY_DAYS))
-        _store(folder / AUTHORITY_FOLDER, authority, authority)
+        store(folder / AUTHORITY_FOLDER, authority, authority)
         renewed.append(AUTHORITY_FOLDER)
     routers = _routers(folder) | {router: set(server_names) | _names(folder / router)}
     for name in (*routers, *ROLES):
         names = sorted(routers[name] or SERVER_NAMES) if name in routers else []
-        present = _load(folder / name)
-        if present is None or not _is_good(present, authority, names, days):
+        present = load(folder / name)
+        if present is None or not is_good(present, authority, names, days):
             role = ROUTER if name in routers else name
             new = x509.issue(authority, role, Validity.of_days(days), server_names=names)
-            _store(folder / name, new, authority)
+            store(folder / name, new, authority)
             renewed.append(name)
     return renewed
+
+
+def router_folders(folder: Path) -> list[Path]:
+    """Those of all routers."""
+    return [folder / name for name in _routers(folder)]
+
+
+def authority_in(folder: Path) -> Identity:
+    """The authority that was made there.
+
+    Raises:
+        InputError: there is none.
+    """
+    authority = load(folder / AUTHORITY_FOLDER)
+    if authority is None:
+        raise InputError(
+            f"{folder} has no authority: `bpn up --listen tls/0.0.0.0:7447` or `bpn-certificates` makes one"
+        )
+    return authority
 
 
 def _routers(folder: Path) -> dict[str, set[str]]:
@@ -61,11 +81,12 @@ def _routers(folder: Path) -> dict[str, set[str]]:
 
 def _names(folder: Path) -> set[str]:
     """The server names of the certificate in a folder, whatever else is wrong with it."""
-    identity = _load(folder)
+    identity = load(folder)
     return set() if identity is None else x509.server_names(identity.certificate)
 
 
-def _is_good(identity: Identity, authority: Identity, names: Sequence[str], days: float) -> bool:
+def is_good(identity: Identity, authority: Identity, names: Sequence[str], days: float) -> bool:
+    """Whether a certificate may stay as it is: of this authority, for these server names, and not near its end."""
     return (
         x509.is_issued_by(identity.certificate, authority.certificate)
         and x509.server_names(identity.certificate) == set(names)
@@ -78,7 +99,7 @@ def _days_left(identity: Identity) -> float:
     return left / datetime.timedelta(days=1)
 
 
-def _load(folder: Path) -> Identity | None:
+def load(folder: Path) -> Identity | None:
     """The identity in a folder; None if there is none that can be used."""
     try:
         return Identity.from_pem((folder / CERTIFICATE).read_bytes(), (folder / KEY).read_bytes())
@@ -86,7 +107,7 @@ def _load(folder: Path) -> Identity | None:
         return None
 
 
-def _store(folder: Path, identity: Identity, authority: Identity) -> None:
+def store(folder: Path, identity: Identity, authority: Identity) -> None:
     """Writes a role's three files, each of them whole, the key readable by its owner alone."""
     folder.mkdir(mode=0o700, parents=True, exist_ok=True)
     _write(folder / KEY, identity.key_pem(), 0o400)

@@ -6,9 +6,10 @@ import logging
 import math
 import threading
 import time
-from collections.abc import AsyncIterator, Collection, Sequence
+from collections.abc import AsyncIterator, Collection, Mapping, Sequence
 from contextlib import AsyncExitStack, asynccontextmanager
 from dataclasses import dataclass, field
+from typing import Any
 
 from bpn_dashboard.api.context import Context
 from bpn_dashboard.api.models import Run
@@ -124,6 +125,11 @@ class Live:
         if (hub := self.hub) is not None:
             for row in rows:
                 hub.publish("runs", Run.of(row).model_dump(mode="json"))
+
+    def publish_alert(self, alert: Mapping[str, Any]) -> None:
+        """Tells them of something that somebody should hear of."""
+        if (hub := self.hub) is not None:
+            hub.publish("alerts", alert)
 
     def publish_gone(self, run_ids: Collection[str]) -> None:
         """Tells them which runs are not there any more."""

@@ -1,10 +1,12 @@
 """The options of `bpn-dashboard`, and which combinations are refused."""
 
 import argparse
+import re
 import ssl
 from pathlib import Path
 from urllib.parse import urlsplit
 
+from bpn_dashboard.alerts.webhook import Webhook
 from bpn_dashboard.database.engine import sqlite_url
 from bpn_dashboard.registry.retention import Rule
 from bpn_shared.bus.address import is_loopback
@@ -76,6 +78,14 @@ def argument_parser() -> argparse.ArgumentParser:
         help="write a token for who reads /metrics here",
     )
     parser.add_argument(
+        "--alert-webhook",
+        metavar="URL",
+        help="where alerts are sent by POST, signed: failed and stalled runs, silent robots, fallen returns",
+    )
+    parser.add_argument(
+        "--alert-secret", type=Path, metavar="FILE", help="the secret that signs them"
+    )
+    parser.add_argument(
         "--trash-days",
         type=float,
         default=KEPT_DAYS,
@@ -102,6 +112,19 @@ def retention(options: argparse.Namespace) -> Rule | None:
     if options.keep_runs is None and options.keep_days is None:
         return None
     return Rule(options.keep_runs, options.keep_days)
+
+
+def webhook(options: argparse.Namespace) -> Webhook | None:
+    """Where alerts go; None: nowhere but to open pages.
+
+    Raises:
+        ConfigError: half of it is missing, or wrong.
+    """
+    if (options.alert_webhook is None) != (options.alert_secret is None):
+        raise ConfigError("--alert-webhook and --alert-secret belong together")
+    if options.alert_webhook is None:
+        return None
+    return Webhook.read(options.alert_webhook, options.alert_secret)
 
 
 def database_url(state_dir: Path, url: str | None = None) -> str:
@@ -131,6 +154,7 @@ def check_options(options: argparse.Namespace) -> None:
         raise ConfigError(f"--trash-days {options.trash_days}: must be 0 or more days")
     if (rule := retention(options)) is not None:
         rule.check()
+    webhook(options)
     if (options.certificate is None) != (options.key is None):
         raise ConfigError("--certificate and --key belong together")
     if options.certificate is not None:
@@ -138,10 +162,10 @@ def check_options(options: argparse.Namespace) -> None:
     check_endpoint(options.connect)
     client_tls(options.connect)  # the router's, which would be missed much later
     secure = options.certificate is not None or options.insecure_http
-    if options.public_url is not None and not _is_origin(options.public_url):
+    if options.public_url is not None and not _is_public_url(options.public_url):
         raise ConfigError(
-            f"--public-url {options.public_url}: must be scheme, name and port, such as "
-            "http://localhost:8000"
+            f"--public-url {options.public_url}: must be scheme, name and port, such as http://localhost:8000, "
+            "and where a proxy has it below a path that path without a slash at its end"
         )
     if not is_loopback(options.host) and not secure:
         raise ConfigError(
@@ -150,15 +174,20 @@ def check_options(options: argparse.Namespace) -> None:
         )
 
 
-def _is_origin(url: str) -> bool:
-    """Whether it is scheme and authority, and nothing else."""
+_PATH = re.compile(r"(/[A-Za-z0-9._~-]+)*")
+
+
+def _is_public_url(url: str) -> bool:
+    """Whether it is scheme and authority, with a plain path or without one, and nothing else."""
     try:
         parts = urlsplit(url)
         return (
             parts.port != 0
             and bool(parts.hostname)
             and parts.username is None
-            and url in {f"{scheme}://{parts.netloc}" for scheme in ("http", "https")}
+            and url in {f"{scheme}://{parts.netloc}{parts.path}" for scheme in ("http", "https")}
+            and _PATH.fullmatch(parts.path) is not None
+            and not {".", ".."} & set(parts.path.split("/"))
         )
     except ValueError:  # its port is no number
         return False

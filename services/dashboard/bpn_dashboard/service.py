@@ -8,7 +8,7 @@ import os
 import socket
 import sys
 import threading
-from collections.abc import AsyncIterator, Iterator
+from collections.abc import AsyncIterator, Callable, Iterator
 from contextlib import ExitStack, asynccontextmanager, contextmanager, suppress
 from urllib.parse import urlsplit
 
@@ -22,6 +22,8 @@ from bpn_dashboard.access.connections import (
     raise_descriptor_limit,
 )
 from bpn_dashboard.access.tokens import LINK_S
+from bpn_dashboard.alerts.watch import AlertWatch, Tell
+from bpn_dashboard.alerts.webhook import Deliveries
 from bpn_dashboard.api.app import Application, create_app
 from bpn_dashboard.api.context import Context, identify
 from bpn_dashboard.api.problems import ApiError
@@ -36,7 +38,9 @@ from bpn_dashboard.options import (
     is_secure,
     retention,
     state_dir,
+    webhook,
 )
+from bpn_dashboard.registry.disk_usage import DiskUsage
 from bpn_dashboard.registry.removals import keep_tidy
 from bpn_dashboard.registry.store import RunStore
 from bpn_dashboard.registry.workplace import ConnectedWorkers
@@ -83,10 +87,28 @@ def build(
         state_dir=state_dir(options),
         trash_kept_s=options.trash_days * DAY_S,
     )
+    stop = threading.Event()
+    tell: list[Tell] = [live.publish_alert]
+    following: list[tuple[str, Callable[[], None]]] = []
+    if (address := webhook(options)) is not None:
+        deliveries = Deliveries(address, counters, stop)
+        context.webhook_trouble = lambda: deliveries.trouble
+        tell.append(deliveries.put)
+        following.append(("webhook", deliveries.follow))
+    alerts = AlertWatch(
+        database, runs, context.series, live.topology.snapshot, tell,
+        serving=lambda: live.read_only() is None,
+    )  # fmt: skip
+    usage, rule = DiskUsage(database, options.runs_dir), retention(options)
+    following += [
+        ("tidy", lambda: keep_tidy(context.removals, rule, stop)),
+        ("disk usage", lambda: usage.follow(stop)),
+        ("samples", lambda: context.samples.follow(stop)),
+        ("alerts", lambda: alerts.follow(stop)),
+    ]
 
     @asynccontextmanager
     async def lifespan(_app: FastAPI) -> AsyncIterator[None]:
-        stop = threading.Event()
         quiet_when_out_of_descriptors(asyncio.get_running_loop(), counters)
         watching = asyncio.create_task(connections.watch())
         await asyncio.to_thread(runs.adopt)  # whether the bus is reached or not
@@ -96,18 +118,19 @@ def build(
         context.ingest.start()
         certificates.start()
         joining = asyncio.create_task(stay_joined(options, context, live, stop))
-        rule = retention(options)
-        tidying = threading.Thread(
-            target=keep_tidy, args=(context.removals, rule, stop), name="tidy", daemon=True
-        )
-        tidying.start()
+        threads = [
+            threading.Thread(target=target, name=name, daemon=True) for name, target in following
+        ]
+        for thread in threads:
+            thread.start()
         try:
             yield
         finally:
             stop.set()
             watching.cancel()
             await joining
-            await asyncio.to_thread(tidying.join, _END_S)
+            for thread in threads:
+                await asyncio.to_thread(thread.join, _END_S)
             await asyncio.to_thread(context.ingest.close)
             await asyncio.to_thread(certificates.close)
 
@@ -119,10 +142,11 @@ def build(
         return None if identity is None else identity.owner
 
     routes = [live_route(lambda: live.hub, may_watch)]
-    hosts = [options.host, *options.allow_host]
-    if options.public_url is not None:
-        hosts.append(str(urlsplit(options.public_url).hostname))
-    return create_app(context, hosts=hosts, lifespan=lifespan, routers=routes), context
+    hosts, public = [options.host, *options.allow_host], urlsplit(options.public_url or "")
+    if public.hostname:
+        hosts.append(public.hostname)
+    app = create_app(context, hosts=hosts, prefix=public.path, lifespan=lifespan, routers=routes)
+    return app, context
 
 
 def main(argv: list[str] | None = None) -> int:

@@ -31,6 +31,7 @@ export default defineConfig({
   build: {
     outDir: STATIC,
     emptyOutDir: true,
+    license: { fileName: 'licenses.md' }, // of the libraries inside; they ask for it
     target: 'es2022',
     assetsInlineLimit: 0, // the content security policy allows no data: URLs in scripts and styles
     modulePreload: { polyfill: false },

@@ -26,7 +26,7 @@ class DecisionFeed:
         self.scale = 0.0
         self._publisher = SampledPublisher[_Noted](
             worker.bus,
-            keys.decision(worker.run, worker.slot),
+            keys.decision(worker.run, worker.slot, worker.site),
             RATE_HZ,
             self._encode,
             worker.counters,

@@ -116,7 +116,7 @@ class EpisodeDriver:
 
 
 class _EpisodeSession:
-    """One episode while it is played. `on_frame` runs on the network thread, all else waits for `over`.
+    """One episode while it is played. `on_frame` runs on threads that receive, all else waits for `over`.
 
     A robot that was restarted begins again at step 0, and so does the recording: seed and weights are the
     same, hence so is the episode.
@@ -203,6 +203,9 @@ class _EpisodeSession:
         ends = header.kind.ends_episode
         if self._answer is not None and header.step == self._answer.step and not ends:
             self._link.send(self._answer)  # the robot did not hear us
+            return
+        if self._recorder.holds(header):  # it went two ways, and the other was faster
+            self._worker.counters.add("frames_that_came_twice")
             return
         if header.kind == FrameKind.FIRST and self._recorder.next_step > 0:
             self._worker.counters.add("episodes_begun_again")

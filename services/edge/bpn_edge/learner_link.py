@@ -3,7 +3,7 @@
 from bpn_shared.backoff import Backoff
 from bpn_shared.bus import keys
 from bpn_shared.messages.control import Assignment, EpisodeReceipt, NextEpisode
-from bpn_shared.messages.episode import Episode
+from bpn_shared.messages.episode import Episode, EpisodeMeta
 from bpn_shared.runtime.worker import Worker
 
 _DELIVER_TIMEOUT_S = 10.0
@@ -39,7 +39,7 @@ class LearnerLink:
 
     def __init__(self, worker: Worker) -> None:
         self._worker = worker
-        self._in_hand: Episode | None = None
+        self._in_hand: tuple[EpisodeMeta, bytes] | None = None
 
     def next_episode(self, weights_version: int | None) -> Assignment | None:
         """What this slot shall play; None if the worker was stopped.
@@ -48,7 +48,7 @@ class LearnerLink:
             weights_version: the newest that is here; None: none.
         """
         worker = self._worker
-        meta = self._in_hand.meta if self._in_hand else None
+        meta = self._in_hand[0] if self._in_hand else None
         asked = NextEpisode(
             slot=worker.slot,
             worker=worker.id,
@@ -64,9 +64,12 @@ class LearnerLink:
         )
 
     def take_in_hand(self, episode: Episode) -> None:
-        """Keeps an episode until `deliver`; nothing may be in hand."""
+        """Keeps an episode until `deliver`; nothing may be in hand.
+
+        It is encoded here, before the robot begins the next one, whose frames would wait for it otherwise.
+        """
         assert self._in_hand is None
-        self._in_hand = episode
+        self._in_hand = episode.meta, episode.encode()
 
     def deliver(self) -> None:
         """Returns once the learner has taken what is in hand, has it already, or does not want it.
@@ -74,13 +77,13 @@ class LearnerLink:
         What is wrong with the episode is in its receipt, and the learner counts it: it is played again. A request
         that is refused as such, as by a learner whose disk is full, is made again, and the reason shown.
         """
-        worker, episode = self._worker, self._in_hand
-        if episode is None:
+        if self._in_hand is None:
             return
-        which = f"episode ({episode.meta.iteration}, {episode.meta.episode})"
+        worker, (meta, encoded) = self._worker, self._in_hand
+        which = f"episode ({meta.iteration}, {meta.episode})"
         receipt = worker.ask(
             keys.episode(worker.run),
-            episode.encode(),
+            encoded,
             EpisodeReceipt.decode,
             waiting_for=f"the learner to give a receipt for {which}",
             refused_as="requests_refused_by_learner",

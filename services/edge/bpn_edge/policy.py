@@ -6,6 +6,7 @@ more than the arithmetic, and this is on the way from camera to action.
 """
 
 from collections.abc import Callable
+from functools import cache
 from math import exp
 
 import numpy as np
@@ -26,14 +27,19 @@ def action_selector(config: RunConfig, assignment: Assignment, scale: float) -> 
     Raises:
         PluginError: the assignment's selection is not installed here, or broken.
     """
-    plugin = plugins.find(plugins.SELECTIONS, assignment.policy)
-    selector: ActionSelector = plugin.call(config, assignment, scale)
+    selector: ActionSelector = _selection(assignment.policy).call(config, assignment, scale)
     return joint_selector(selector, config.task_spec.dims)
 
 
-def softmax(config: RunConfig, _assignment: Assignment, scale: float) -> ActionSelector:
+@cache
+def _selection(name: str) -> plugins.Plugin:
+    """The installed one: looking it up reads what all distributions say of themselves, several ms an episode."""
+    return plugins.find(plugins.SELECTIONS, name)
+
+
+def softmax(config: RunConfig, assignment: Assignment, scale: float) -> ActionSelector:
     """The `Selection` of CVI."""
-    beta = config.beta
+    beta = config.beta_of(assignment.weights_version)
     return lambda outputs, uniform: softmax_action(outputs, scale, beta, uniform)
 
 

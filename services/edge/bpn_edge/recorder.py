@@ -29,6 +29,11 @@ class EpisodeRecorder:
         """The step of the frame that has to come next."""
         return len(self._frames)
 
+    def holds(self, header: FrameHeader) -> bool:
+        """Whether that very frame was added, not just another one of its step."""
+        step = header.step
+        return step < len(self._headers) and self._headers[step].t_capture_ns == header.t_capture_ns
+
     def add_frame(
         self, header: FrameHeader, pixels: npt.NDArray[np.uint8], t_receive_ns: int
     ) -> None:

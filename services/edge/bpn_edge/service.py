@@ -22,27 +22,20 @@ from bpn_shared.runtime.faults import FaultReporter
 from bpn_shared.runtime.leased import Abilities
 from bpn_shared.runtime.worker import EXIT_FINISHED, Worker
 from bpn_shared.spec.config import RunConfig
-from bpn_shared.spec.sections import Pacing
-from bpn_shared.spec.tasks import TaskSpec
 
 log = logging.getLogger(__name__)
 
 _WEIGHTS_TIMEOUT_S = 1.0
-_LEAST_SILENCE_S = 1.0
-_SILENT_PERIODS = 5
 
 
-def longest_silence_s(task: TaskSpec, pacing: Pacing) -> float:
-    """Without a frame for so long, the robot is asked again; in realtime it sends one each control period."""
-    periods_s = _SILENT_PERIODS * task.control_period_s if pacing == "realtime" else 0.0
-    return max(_LEAST_SILENCE_S, periods_s)
-
-
-def serve(worker: Worker, config: RunConfig, kernels: Sequence[str] = ()) -> int:
+def serve(
+    worker: Worker, config: RunConfig, kernels: Sequence[str] = (), *, past_router: bool = True
+) -> int:
     """Plays what the learner assigns, until there is no more or the worker is stopped.
 
     Args:
         kernels: what this edge was set up with.
+        past_router: see `RobotLink`.
 
     Raises:
         ConfigError: the run asks for another kernel, or for a selection that is not installed here.
@@ -63,14 +56,17 @@ def serve(worker: Worker, config: RunConfig, kernels: Sequence[str] = ()) -> int
         held=lambda: memory.rank,
         kind=config.algorithm_spec.network,
     )
-    with closing(DecisionFeed(worker)) as feed:
+    with (
+        closing(DecisionFeed(worker)) as feed,
+        RobotLink(worker, task, past_router=past_router) as link,
+    ):
         driver = EpisodeDriver(
             worker,
             config,
-            RobotLink(worker, task),
+            link,
             memory,
             feed,
-            silence_s=longest_silence_s(task, config.pacing),
+            silence_s=config.longest_silence_s,
         )
         learner, pace = LearnerLink(worker), Pace()
         while not worker.stop.is_set():
@@ -125,6 +121,11 @@ def main(argv: list[str] | None = None) -> int:
     """The edge service."""
     parser = slot_parser("edge", __doc__)
     add_kernel(parser)
+    parser.add_argument(
+        "--by-router",
+        action="store_true",
+        help="send everything through the router, even where the robot is on the same machine",
+    )
     options = slot_options(parser, argv)
     try:
         kernels = kernels_here(options.kernel)
@@ -136,4 +137,5 @@ def main(argv: list[str] | None = None) -> int:
             plugins.SELECTIONS.name: plugins.names(plugins.SELECTIONS),
         }
     )
-    return run_slot_worker("edge", options, partial(serve, kernels=kernels), abilities=abilities)
+    play = partial(serve, kernels=kernels, past_router=not options.by_router)
+    return run_slot_worker("edge", options, play, abilities=abilities)

@@ -2,6 +2,7 @@
 package bpn;
   // The build.
   localparam int BYTES = 4;
+  localparam int CONV1_LANES = 4;
   localparam int MAX_CHANNELS = 16;
   localparam int MAX_HIDDEN_UNITS = 256;
   localparam int MAX_ACTIONS = 64;
@@ -20,6 +21,7 @@ package bpn;
   localparam int BEAT_SUM_W = 10;
   localparam int ROW_SUM_W = 15;
   localparam int SUM_W = 18;
+  localparam int EARLIER_W = 18;
   localparam int TAU_W = 19;
   localparam int GROUP_W = 5;
   localparam int ACTION_GROUP_W = 3;
@@ -32,8 +34,9 @@ package bpn;
   localparam int G_NODES = 12;
   localparam int G_ACTION_GROUPS = 23;
   localparam int G_NODE_GROUPS = 26;
-  localparam int G_LAST_BEAT = 31;
-  localparam int GEOMETRY_W = 35;
+  localparam int G_STACKED = 31;
+  localparam int G_LAST_BEAT = 32;
+  localparam int GEOMETRY_W = 36;
   localparam int EVENTS = 7;
   // Identities, and registers by number.
   localparam logic [31:0] IDENTITY = 32'h42500001;

@@ -1,4 +1,4 @@
-// AXI4-Lite to a bus of single accesses: a write is answered in its clock, a read as soon as `read_ready`.
+// AXI4-Lite to a bus of single accesses: a write is answered a clock later, a read as soon as `read_ready`.
 module bpn_axi_lite #(
     parameter int ADDRESS_W = 10
 ) (
@@ -26,7 +26,7 @@ module bpn_axi_lite #(
     output logic write,
     output logic [ADDRESS_W-3:0] write_register,
     output logic [31:0] write_data,
-    input logic write_refused,
+    input logic write_refused,  // in the clock after `write`, in which register and data still are there
 
     output logic read,  // until `read_ready`
     output logic [ADDRESS_W-3:0] read_register,
@@ -35,12 +35,13 @@ module bpn_axi_lite #(
     input logic read_refused
 );
   localparam logic [1:0] OKAY = 2'b00, SLVERR = 2'b10;
-  logic address_held, data_held, whole;
+  logic address_held, data_held, whole, written;
   wire unused = &{1'b0, s_awaddr[1:0], s_araddr[1:0]};  // registers are words
 
   assign s_awready = !address_held;
   assign s_wready = !data_held;
-  assign write = address_held && data_held && whole && !s_bvalid;
+  wire both = address_held && data_held && !written && !s_bvalid;
+  assign write = both && whole;
   assign s_arready = !read && !s_rvalid;
 
   always_ff @(posedge clk) begin
@@ -54,7 +55,8 @@ module bpn_axi_lite #(
       whole <= s_wstrb == 4'hf;
     end
     if (s_bvalid && s_bready) s_bvalid <= 1'b0;
-    if (address_held && data_held && !s_bvalid) begin
+    written <= both;
+    if (written) begin
       {address_held, data_held} <= '0;
       s_bvalid <= 1'b1;
       s_bresp <= whole && !write_refused ? OKAY : SLVERR;
@@ -72,6 +74,6 @@ module bpn_axi_lite #(
     end
     if (s_rvalid && s_rready) s_rvalid <= 1'b0;
 
-    if (!rst_n) {address_held, data_held, s_bvalid, read, s_rvalid} <= '0;
+    if (!rst_n) {address_held, data_held, written, s_bvalid, read, s_rvalid} <= '0;
   end
 endmodule

@@ -53,17 +53,17 @@ module bpn_core (
   wire unused = &{1'b0, memory_address[26:0]};  // how much of it a region needs depends on the build
 
   // Frames.
-  logic start, newest, newest_bank, full, flying, oldest, oldest_bank, oldest_misaligned, finish;
+  logic start, newest, newest_bank, newest_stacked, full, finish;
+  logic flying, oldest, oldest_bank, oldest_misaligned, oldest_alone;
   logic pixels_done, misaligned;
-  logic [bpn::G_LAST_BEAT-1:0] oldest_geometry;
+  logic [bpn::G_STACKED-1:0] oldest_geometry;
   wire [GEOMETRY_W-1:0] next_geometry =
       selected[1] ? geometries[GEOMETRY_W+:GEOMETRY_W] : geometries[0+:GEOMETRY_W];
   wire [bpn::GROUP_W-1:0] node_groups = oldest_geometry[bpn::G_NODE_GROUPS+:bpn::GROUP_W];
   wire [bpn::ACTION_GROUP_W-1:0] action_groups = oldest_geometry[bpn::G_ACTION_GROUPS+:bpn::ACTION_GROUP_W];
 
   bpn_axi_lite u_axi_lite (
-      .clk,
-      .rst_n,
+      .clk, .rst_n,
       .s_awaddr(s_axi_awaddr),
       .s_awvalid(s_axi_awvalid),
       .s_awready(s_axi_awready),
@@ -101,8 +101,7 @@ module bpn_core (
   bpn_push #(
       .WIDTH(8 * bpn::BYTES)
   ) u_push_pixels (
-      .clk,
-      .rst_n,
+      .clk, .rst_n,
       .push(pixels_push),
       .push_data((8 * bpn::BYTES)'(push_data)),
       .push_last,
@@ -118,8 +117,7 @@ module bpn_core (
   );
 
   bpn_push u_push_weights (
-      .clk,
-      .rst_n,
+      .clk, .rst_n,
       .push(weights_push),
       .push_data,
       .push_last,
@@ -139,7 +137,7 @@ module bpn_core (
   logic [3:0] refused;
   logic [GEOMETRY_W-1:0] load_geometry;
   logic [31:0] load_epoch, load_crc, load_data;
-  logic [bpn::BYTES-1:0] conv1_write;
+  logic [bpn::CONV1_LANES-1:0] conv1_write;
   logic [bpn::BEAT_W+1:0] conv1_address;
   logic threshold_write;
   logic [2:0] threshold_address;
@@ -147,8 +145,7 @@ module bpn_core (
   logic [bpn::WEIGHT_W-1:0] engine_address;
 
   bpn_loader u_loader (
-      .clk,
-      .rst_n,
+      .clk, .rst_n,
       .s_tdata(set_word),
       .s_tvalid(set_valid),
       .s_tready(set_ready),
@@ -174,8 +171,7 @@ module bpn_core (
   );
 
   bpn_banks u_banks (
-      .clk,
-      .rst_n,
+      .clk, .rst_n,
       .begun,
       .begun_bank,
       .verified,
@@ -202,8 +198,7 @@ module bpn_core (
   logic [bpn::ROW_W-1:0] row;
 
   bpn_frame_gate u_gate (
-      .clk,
-      .rst_n,
+      .clk, .rst_n,
       .s_tdata(pixels),
       .s_tvalid(pixels_valid),
       .s_tready(pixels_ready),
@@ -223,11 +218,11 @@ module bpn_core (
   );
 
   bpn_flight u_flight (
-      .clk,
-      .rst_n,
+      .clk, .rst_n,
       .start,
       .start_bank(selected[1]),
-      .start_geometry(next_geometry[bpn::G_LAST_BEAT-1:0]),
+      .forget(select),
+      .start_geometry(next_geometry[bpn::G_STACKED:0]),
       .end_of_pixels(pixels_done),
       .end_misaligned(misaligned),
       .finish,
@@ -235,23 +230,24 @@ module bpn_core (
       .in_use,
       .newest,
       .newest_bank,
+      .newest_stacked,
       .active(flying),
       .oldest,
       .oldest_bank,
       .oldest_misaligned,
+      .oldest_alone,
       .oldest_geometry
   );
 
   logic host_conv1, host_engine;
-  logic [32*bpn::BYTES-1:0] host_weights;
+  logic [32*bpn::CONV1_LANES-1:0] host_weights;
   logic [31:0] host_threshold;
   logic map_write, map_half;
   logic [7:0] map_address;
   logic [15:0] map_word;
 
   bpn_conv1 u_conv1 (
-      .clk,
-      .rst_n,
+      .clk, .rst_n,
       .beat_valid,
       .beat_data,
       .beat,
@@ -260,6 +256,7 @@ module bpn_core (
       .row,
       .bank(newest_bank),
       .half(newest),
+      .stacked(newest_stacked),
       .write_bank(load_bank),
       .weight_write(conv1_write),
       .weight_address(conv1_address),
@@ -267,7 +264,7 @@ module bpn_core (
       .threshold_address,
       .write_data(load_data),
       .host_read(host_conv1),
-      .host_address({memory_address[27], memory_address[$clog2(bpn::BYTES)+:bpn::BEAT_W+2]}),
+      .host_address({memory_address[27], memory_address[$clog2(bpn::CONV1_LANES)+:bpn::BEAT_W+2]}),
       .host_weights,
       .host_threshold_address({memory_address[27], memory_address[2:0]}),
       .host_threshold,
@@ -286,8 +283,7 @@ module bpn_core (
   logic [16*bpn::ACC_W-1:0] sums;
 
   bpn_engine u_engine (
-      .clk,
-      .rst_n,
+      .clk, .rst_n,
       .active(flying),
       .frame(oldest),
       .bank(oldest_bank),
@@ -320,7 +316,7 @@ module bpn_core (
   // How far the frames are.
   logic [31:0] clocks;
   logic [31:0] begun_at[2], ended_at[2];
-  wire result = finish && !oldest_misaligned;
+  wire result = finish && !oldest_misaligned && !oldest_alone;
   wire [bpn::EVENTS-1:0] events = {refused, finish && oldest_misaligned, verified, result};
 
   always_ff @(posedge clk) begin
@@ -355,8 +351,7 @@ module bpn_core (
   );
 
   bpn_registers u_registers (
-      .clk,
-      .rst_n,
+      .clk, .rst_n,
       .write,
       .write_register,
       .write_data,

@@ -2,13 +2,13 @@
 // it adds is known after the first, since a CRC is linear, next(a ^ b) = next(a) ^ next(b).
 module bpn_crc32 (
     input logic clk,
-    input logic clear,  // begins anew; with `enable`: with this word
+    input logic clear,  // begins anew, after what was before; a word in the same clock is the first
     input logic enable,
     input logic [31:0] word,
     output logic [31:0] crc
 );
   logic [31:0] state, of_word;
-  logic added, anew;
+  logic added;
 
   function automatic logic [31:0] next(input logic [31:0] value);
     next = value;
@@ -17,9 +17,9 @@ module bpn_crc32 (
 
   assign crc = ~state;
   always_ff @(posedge clk) begin
-    {added, anew} <= {enable, clear};
+    added <= enable;
     of_word <= next(word);
-    if (added) state <= next(anew ? '1 : state) ^ of_word;
-    else if (anew) state <= '1;
+    if (clear) state <= '1;
+    else if (added) state <= next(state) ^ of_word;
   end
 endmodule

@@ -26,7 +26,7 @@ module bpn_loader (
     output logic [31:0] crc,
     output logic [3:0] refused,  // why: bad identity, sizes or bank, length, CRC
 
-    output logic [bpn::BYTES-1:0] conv1_write,
+    output logic [bpn::CONV1_LANES-1:0] conv1_write,
     output logic [bpn::BEAT_W+1:0] conv1_address,
     output logic threshold_write,
     output logic [2:0] threshold_address,
@@ -39,35 +39,37 @@ module bpn_loader (
   localparam int WEIGHT_W = bpn::WEIGHT_W;
 
   logic [2:0] state;
-  logic [bpn::BYTES-1:0] conv1_lane;  // one-hot
+  logic [bpn::CONV1_LANES-1:0] conv1_lane;  // one-hot
   logic [1:0] conv1_row;
   logic [bpn::BEAT_W-1:0] conv1_beat;
   logic [2:0] lane;
   logic [WEIGHT_W-1:0] fc1_end, fc2_words, last_word, word;
 
-  // The word that is looked at: a register, so that whatever is in front of the stream is not in this clock.
-  logic have, last, crc_known;
+  // The word that is looked at: a register, so that whatever is in front of the stream is not in this clock. Where it
+  // decides something it is looked at for a clock before it is taken.
+  logic have, last, known;
   logic [31:0] set_word;
-  wire ready = (state != EPOCH || !in_use[bank]) && (state != SIZES || sizes_known) && (state != CRC || crc_known);
-  wire taken = have && ready;
-  assign s_tready = !have || ready;
+  wire decides = state == SIZES || state == EPOCH || state == CRC;
+  wire taken = have && (!decides || known);
+  assign s_tready = !have || taken;
 
-  // Sizes, as the second word has them, and what follows from them, a clock later.
-  logic sizes_known, sizes_known_fit;
+  // Sizes, as the second word has them, and what follows from them.
+  logic fit;  // what is known in the clock in which they are taken
   wire [4:0] channels = set_word[4:0];
   wire [7:0] actions = set_word[15:8];
   wire [15:0] nodes = set_word[31:16];
-  wire sizes_fit = channels != '0 && channels <= 5'(bpn::MAX_CHANNELS) && set_word[6:5] == '0
+  wire stacked = set_word[6];
+  wire sizes_fit = channels != '0 && channels <= 5'(bpn::MAX_CHANNELS) && !set_word[5]
+      && (!stacked || (bpn::CONV1_LANES == 2 * bpn::BYTES && !channels[0]))
       && actions >= 8'd2 && actions <= 8'(bpn::MAX_ACTIONS) && nodes != '0 && nodes <= 16'(bpn::MAX_HIDDEN_UNITS);
   wire nodes_left = nodes[3:0] != 4'd0;  // beyond whole groups of sixteen
   wire actions_left = actions[3:0] != 4'd0;
-  wire [4:0] channels_less_1 = channels - 5'd1;
+  wire [4:0] channels_less_1 = (stacked ? channels >> 1 : channels) - 5'd1;  // of what is sent
   wire [WEIGHT_W-1:0] groups = WEIGHT_W'(geometry[bpn::G_NODE_GROUPS+:bpn::GROUP_W]);
   wire [bpn::ACTION_GROUP_W-1:0] action_groups = geometry[bpn::G_ACTION_GROUPS+:bpn::ACTION_GROUP_W];
   wire [bpn::BEAT_W-1:0] last_beat = geometry[bpn::G_LAST_BEAT+:bpn::BEAT_W];
 
-  wire may_begin = sizes_known_fit && !selected[set_word[7]];
-  assign begun = taken && state == SIZES && may_begin && !last;
+  assign begun = fit && !selected[set_word[7]];
   assign begun_bank = set_word[7];
   assign busy = state != IDENTITY;
 
@@ -85,9 +87,8 @@ module bpn_loader (
       set_word <= s_tdata;
       last <= s_tlast;
     end
-    sizes_known <= have && state == SIZES && !sizes_known;
-    crc_known <= have && state == CRC && !crc_known;
-    sizes_known_fit <= sizes_fit;
+    known <= have && !known && (state == SIZES || state == CRC || (state == EPOCH && !in_use[bank]));
+    fit <= have && !known && state == SIZES && sizes_fit && !last;
     verified <= 1'b0;
     refused <= '0;
     conv1_write <= '0;
@@ -114,6 +115,7 @@ module bpn_loader (
           bank <= set_word[7];
           geometry <= {
             bpn::BEAT_W'({channels_less_1, 2'b11} >> $clog2(bpn::BYTES)),
+            stacked,
             bpn::GROUP_W'(nodes >> 4) + bpn::GROUP_W'(nodes_left),
             bpn::ACTION_GROUP_W'(actions >> 4) + bpn::ACTION_GROUP_W'(actions_left),
             nodes[10:0],
@@ -121,7 +123,7 @@ module bpn_loader (
             channels
           };
           state <= EPOCH;
-          if (!may_begin) begin
+          if (!begun) begin
             refused <= WRONG_SIZES;
             state <= DROP;
           end
@@ -135,7 +137,7 @@ module bpn_loader (
         CONV1: begin
           conv1_write <= conv1_lane;
           conv1_lane <= conv1_lane << 1;
-          if (conv1_lane[bpn::BYTES-1]) begin
+          if (conv1_lane[geometry[bpn::G_STACKED]?bpn::CONV1_LANES-1 : bpn::BYTES-1]) begin
             conv1_lane <= 1;
             conv1_beat <= conv1_beat + 1'b1;
             if (conv1_beat == last_beat) begin
@@ -175,7 +177,7 @@ module bpn_loader (
     end
     if (!rst_n) begin
       state <= IDENTITY;
-      {have, sizes_known, crc_known, verified, refused, conv1_write, threshold_write, engine_write} <= '0;
+      {have, known, fit, verified, refused, conv1_write, threshold_write, engine_write} <= '0;
     end
   end
 endmodule

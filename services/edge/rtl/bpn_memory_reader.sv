@@ -15,7 +15,7 @@ module bpn_memory_reader (
     output logic read_engine,
 
     // Four clocks after the first of two clocks with the address.
-    input logic [32*bpn::BYTES-1:0] conv1_weights,
+    input logic [32*bpn::CONV1_LANES-1:0] conv1_weights,
     input logic [31:0] conv1_threshold,
     input logic [255:0] engine_weights,
     input logic [15:0] conv1_map,
@@ -23,7 +23,7 @@ module bpn_memory_reader (
 );
   logic pending, held;
   logic [2:0] waited;
-  wire [4:0] conv1_lane = lane & 5'(bpn::BYTES - 1);
+  wire [4:0] conv1_lane = lane & 5'(bpn::CONV1_LANES - 1);
 
   assign read_conv1 = hold_pixels && held;
   assign read_engine = hold_engine && engine_idle;

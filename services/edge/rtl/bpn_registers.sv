@@ -6,7 +6,7 @@ module bpn_registers (
     input logic write,
     input logic [7:0] write_register,
     input logic [31:0] write_data,
-    output logic write_refused,
+    output logic write_refused,  // a clock later
     input logic read,
     input logic [7:0] read_register,
     output logic read_ready,
@@ -61,32 +61,35 @@ module bpn_registers (
     sizes = {5'b0, of[bpn::G_NODES+:11], 1'b0, of[bpn::G_ACTIONS+:7], 3'b0, of[bpn::G_CHANNELS+:5]};
   endfunction
 
-  // Writes.
-  wire to_select = write && write_register == bpn::R_SELECT;
-  assign select = to_select;
+  // Writes: what is asked for in one clock is done, or refused, in the next, in which the data still are there.
+  logic to_events, to_interrupt, to_address, to_pixels, to_weights, to_none;
   assign select_banks = write_data[1:0];
-  wire to_pixels = write_register == bpn::R_PIXELS || write_register == bpn::R_PIXELS_LAST;
-  wire to_weights = write_register == bpn::R_WEIGHTS || write_register == bpn::R_WEIGHTS_LAST;
   assign push_data = write_data;
-  assign push_last = write_register == bpn::R_PIXELS_LAST || write_register == bpn::R_WEIGHTS_LAST;
-  assign pixels_push = write && to_pixels && bpn::BYTES == 4 && !pixels_full;
-  assign weights_push = write && to_weights && !weights_full;
-
-  always_comb
-    case (write_register)
-      bpn::R_SELECT: write_refused = select_refused || write_data[31:2] != '0;
-      bpn::R_EVENTS, bpn::R_INTERRUPT, bpn::R_READ_ADDRESS: write_refused = 1'b0;
-      bpn::R_PIXELS, bpn::R_PIXELS_LAST: write_refused = bpn::BYTES != 4 || pixels_full;
-      bpn::R_WEIGHTS, bpn::R_WEIGHTS_LAST: write_refused = weights_full;
-      default: write_refused = 1'b1;
-    endcase
+  assign push_last = write_register[0];
+  assign pixels_push = to_pixels && !pixels_full;
+  assign weights_push = to_weights && !weights_full;
+  assign write_refused = to_none || select_refused || (to_pixels && pixels_full) || (to_weights && weights_full);
 
   always_ff @(posedge clk) begin
-    pending <= (pending & ~(write && write_register == bpn::R_EVENTS ? write_data[bpn::EVENTS-1:0] : '0)) | events;
+    {select, to_events, to_interrupt, to_address, to_pixels, to_weights, to_none} <= '0;
+    case (write_register)
+      bpn::R_SELECT: if (write_data[31:2] == '0) select <= write; else to_none <= write;
+      bpn::R_EVENTS: to_events <= write;
+      bpn::R_INTERRUPT: to_interrupt <= write;
+      bpn::R_READ_ADDRESS: to_address <= write;
+      bpn::R_PIXELS, bpn::R_PIXELS_LAST: if (bpn::BYTES == 4) to_pixels <= write; else to_none <= write;
+      bpn::R_WEIGHTS, bpn::R_WEIGHTS_LAST: to_weights <= write;
+      default: to_none <= write;
+    endcase
+    if (!rst_n) {select, to_events, to_interrupt, to_address, to_pixels, to_weights, to_none} <= '0;
+  end
+
+  always_ff @(posedge clk) begin
+    pending <= (pending & ~(to_events ? write_data[bpn::EVENTS-1:0] : '0)) | events;
     irq <= (pending & enabled) != '0;
-    if (write && write_register == bpn::R_INTERRUPT) enabled <= write_data[bpn::EVENTS-1:0];
+    if (to_interrupt) enabled <= write_data[bpn::EVENTS-1:0];
     if (memory_read && memory_ready) memory_address <= memory_address + 1'b1;
-    if (write && write_register == bpn::R_READ_ADDRESS) memory_address <= write_data;
+    if (to_address) memory_address <= write_data;
     if (result) begin
       frames <= frames + 1'b1;
       epoch <= result_epoch;
@@ -130,7 +133,7 @@ module bpn_registers (
     unknown <= 1'b0;
     case (read_register)
       bpn::R_IDENTITY: value <= bpn::IDENTITY;
-      bpn::R_BUILD: value <= {8'(bpn::BYTES), 8'(bpn::MAX_CHANNELS), 8'(bpn::MAX_ACTIONS), 8'b0};
+      bpn::R_BUILD: value <= {8'(bpn::BYTES), 8'(bpn::MAX_CHANNELS), 8'(bpn::MAX_ACTIONS), 7'b0, bpn::CONV1_LANES != bpn::BYTES};
       bpn::R_LIMITS: value <= 32'(bpn::MAX_HIDDEN_UNITS);
       bpn::R_STATUS: value <= {26'b0, in_flight, loading, selected, valid};
       bpn::R_SELECT: value <= {30'b0, selected};

@@ -48,7 +48,7 @@ module bpn_schedule (
   logic conv2_ready, conv3_ready, fc1_ready, fc2_ready;
 
   // The job in hand.
-  logic busy, padding, held;
+  logic busy, ends, padding, held;  // ends: with the step in this clock
   logic [2:0] steps;  // 0 to 4, then no more
   logic [1:0] column;
   logic [GROUP_W-1:0] left;  // steps after this one, of a fully connected layer
@@ -56,8 +56,8 @@ module bpn_schedule (
   logic fc1_bias, fc1_last;
 
   wire conv = !layer[1];
-  wire finished = conv ? conv_left == '0 : left == '0;
-  wire over = busy && (padding || finished) && steps[2];
+  wire ends_next = conv ? conv_left == 4'd1 : left == GROUP_W'(1);
+  wire over = busy && (padding || ends) && steps[2];
   wire begin_job = active && !held && (!busy || over) && !clear;
   assign idle = held && !busy;
   assign step = busy && !padding;
@@ -78,7 +78,7 @@ module bpn_schedule (
       is_first <= 1'b0;
       if (conv) begin
         conv_left <= conv_left - 1'b1;
-        is_last <= conv_left == 4'd1;
+        is_last <= ends_next;
         if (!is_bias) begin
           column <= column + 1'b1;
           map_address <= map_address + 1'b1;
@@ -89,17 +89,19 @@ module bpn_schedule (
         end
       end else begin
         left <= left - 1'b1;
-        is_last <= layer == FC1 ? fc1_last : left == GROUP_W'(1);
+        is_last <= layer == FC1 ? fc1_last : ends_next;
         if (layer == FC1) group <= group + 1'b1;
         else map_address <= map_address + 1'b1;
       end
-      padding <= finished;
+      ends <= ends_next;
+      padding <= ends;
     end
     if (over) busy <= 1'b0;
 
     if (begin_job && (fc2_ready || fc1_ready || conv3_ready || conv2_ready)) begin
       busy <= 1'b1;
       padding <= 1'b0;
+      ends <= (fc2_ready || fc1_ready) && node_groups == GROUP_W'(1);
       steps <= 3'd1;
       column <= '0;
       group <= '0;

@@ -4,6 +4,7 @@ After a policy update the weights have flipped and every statistic from training
 network. Estimating them anew, layer by layer, makes the exported thresholds belong to these weights.
 """
 
+from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 import torch
@@ -16,28 +17,25 @@ if TYPE_CHECKING:
 
 
 @torch.no_grad()
-def reestimate_batch_norm(
-    network: "BinaryNetwork", observations: Tensor, batch_size: int = 256
-) -> None:
+def reestimate_batch_norm(network: "BinaryNetwork", observations: Iterable[Tensor]) -> None:
     """Sets `network.mean` and `network.var`, layer l's with layers below l evaluated with theirs.
 
     The integers' sums are exact (int64 of a batch, then Python's), so the result depends neither on how
     observations are batched nor on their order.
 
     Args:
-        observations: uint8[n, C, rows, columns], n >= 1.
-        batch_size: observations in one forward pass.
+        observations: uint8[n, C, rows, columns] each, n in one forward pass; looked at once.
 
     Raises:
         ValueError: there is no observation.
     """
-    if len(observations) == 0:
-        raise ValueError("batch norm needs at least 1 observation to estimate from, got 0")
     layers, weights = network.spec.layers, network.signs()
-    inputs = list(torch.split(observations, batch_size))
+    inputs: Iterable[Tensor] = (part for part in observations if len(part))
     first = 0
     for index, layer in enumerate(layers[:-1]):
         outputs = [exact_dot_products(layer, weights[index], x.float()) for x in inputs]
+        if not outputs:
+            raise ValueError("batch norm needs at least 1 observation to estimate from, got 0")
         mean, var = _moments(outputs)
         channels = slice(first, first + layer.out_channels)
         network.mean[channels], network.var[channels] = mean, var

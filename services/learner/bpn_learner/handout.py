@@ -12,8 +12,8 @@ from safetensors.torch import load, save
 from torch import Tensor, nn
 
 from bpn_learner.checkpoint import restore, state_tensors
+from bpn_learner.gathering import RegressionBatch
 from bpn_learner.group import DistributedGroup, GroupLostError
-from bpn_learner.update import RegressionBatch
 
 _REGRESSION, _ITERATION = "regression.", "iteration"
 MAX_BYTES = 16 * 2**30

@@ -44,6 +44,22 @@ class History:
         """How many an iteration that is done has."""
         return int(self._records.get(iteration, {}).get("transitions", 0))
 
+    def reward_scale(self, done: int) -> float:
+        """What the updates found out to be the factor on rewards; 0: nothing yet.
+
+        Raises:
+            CheckpointError: it is lost, and preferences are in its unit.
+        """
+        if not done or self._config.reward_scale:
+            return 0.0
+        found = self._records.get(done - 1, {}).get("reward_scale")
+        if not isinstance(found, int | float):
+            raise CheckpointError(
+                f"metrics.jsonl has lost iteration {done - 1}, which told the factor on rewards that the run had "
+                "found out (reward_scale = 0): it cannot be gone on with; start a new run"
+            )
+        return float(found)
+
     def load_policy(self) -> "tuple[PNetwork, Any, int]":
         """Network, optimizer and the number of updates done, of the checkpoint or else of the beginning.
 

@@ -9,7 +9,7 @@ Inputs are pixel values 0..255 in float32. Every sum a binarized layer can form 
 2**24 (conv1: at most 255 * 256 * 16), so float32 holds it exactly, in any order of summation.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Any
 from uuid import UUID
 
@@ -63,11 +63,11 @@ class PNetwork(nn.Module):
         """What an optimizer is made of, whose rate is `learning_rate` where a group has none of its own."""
         return [{"params": list(self.parameters())}]
 
-    def finish_update(self, observations: Callable[[], Tensor]) -> None:
+    def finish_update(self, observations: Callable[[], Iterable[Tensor]]) -> None:
         """What every policy update ends with: makes all but the parameters belong to them.
 
         Args:
-            observations: makes those of D, uint8[n, C, rows, columns].
+            observations: makes those of D, some at once, uint8[n, C, rows, columns] each.
         """
 
     def export(self, *, run: UUID = NO_RUN, attempt: int = 0, version: int = 0) -> Weights:
@@ -169,7 +169,7 @@ class BinaryNetwork(PNetwork):
         scale = {"params": [self.log_scale], "lr": learning_rate * SCALE_RATE_FACTOR}
         return [{"params": others}, scale]
 
-    def finish_update(self, observations: Callable[[], Tensor]) -> None:
+    def finish_update(self, observations: Callable[[], Iterable[Tensor]]) -> None:
         """Estimates batch norm anew over D."""
         reestimate_batch_norm(self, observations())
 

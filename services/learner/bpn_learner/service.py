@@ -9,7 +9,7 @@ from bpn_learner.callbacks.extras import usable_callbacks
 from bpn_learner.checkpoint import CheckpointError
 from bpn_learner.episodes import DataError
 from bpn_learner.evaluations import Evaluations
-from bpn_learner.factory import has_gpu
+from bpn_learner.factory import has_gpu, name_of_gpu
 from bpn_learner.group import GroupLostError
 from bpn_learner.ledger import EpisodeLedger
 from bpn_learner.member import serve_member
@@ -31,6 +31,7 @@ from bpn_shared.bus.weights import WeightsPublisher
 from bpn_shared.messages.control import Fault, NextEpisode
 from bpn_shared.plugins import PluginError
 from bpn_shared.runs.config_file import encode_config
+from bpn_shared.runs.environment import Environment, write_environment
 from bpn_shared.runs.folder import RunFolder, State
 from bpn_shared.runs.ownership import Ownership
 from bpn_shared.runtime.entry import argument_parser, natural, run_worker
@@ -91,6 +92,15 @@ def _say_failed(owner: Ownership, error: str) -> None:
         log.error("the run's state cannot be written: %s", why)
 
 
+def _note_environment(owner: Ownership, worker: str) -> None:
+    """Where and with what the attempt is made. A run whose disk is full goes on without."""
+    try:
+        here = Environment.here(owner.attempt, worker, name_of_gpu())
+        write_environment(owner.folder, here, prove=owner.prove)
+    except OSError as error:
+        log.warning("the environment of attempt %d is not written down: %s", owner.attempt, error)
+
+
 def _collected_logs(worker: Worker, folder: RunFolder) -> contextlib.AbstractContextManager[object]:
     """Keeps what the run's other workers say."""
     try:
@@ -105,6 +115,7 @@ def _train(worker: Worker, owner: Ownership) -> None:
     function_of(config.task_spec)  # what is not installed here is said before anybody plays
     program = " ".join(f"{name} {value}" for name, value in written_by().items() if value)
     log.info("attempt %d: %s, %s (%s)", owner.attempt, config.algorithm, config.task, program)
+    _note_environment(owner, worker.id)
     alive = Alive(worker.bus, "edge")
     ledger = EpisodeLedger(config, owner, alive, worker.waiting, worker.counters)
 

@@ -9,21 +9,23 @@ from functools import partial
 
 import numpy as np
 
+from bpn_learner.augmentation import seen_again
 from bpn_learner.callbacks import CollectionEnd, EvaluationEnd
 from bpn_learner.callbacks.calling import Callbacks
 from bpn_learner.checkpoint import encode_checkpoint
 from bpn_learner.episodes import Scored, load_episodes
 from bpn_learner.evaluations import Evaluations
+from bpn_learner.gathering import RegressionBatch
 from bpn_learner.group import SINGLE_PROCESS, Group, GroupLostError
 from bpn_learner.handout import broadcast_state
 from bpn_learner.history import History
 from bpn_learner.ledger import EpisodeLedger
 from bpn_learner.rendezvous import Rendezvous
 from bpn_learner.replay import ReplayMemory
+from bpn_learner.reward_scale import RewardScale
 from bpn_learner.storage import StorageStopped, insist
-from bpn_learner.transitions import EpisodeData, Transitions
+from bpn_learner.transitions import EpisodeData, Transitions, data_of
 from bpn_learner.update import (
-    RegressionBatch,
     UpdateConfig,
     UpdateReport,
     UpdateStopped,
@@ -34,6 +36,7 @@ from bpn_shared.counters import Counters
 from bpn_shared.runs.ownership import Ownership
 from bpn_shared.runs.success import share, success_of
 from bpn_shared.spec.config import RunConfig
+from bpn_shared.spec.disturbances import parse
 from bpn_shared.spec.seeds import shuffle_generator
 from bpn_shared.waiting import WaitStatus
 
@@ -83,6 +86,7 @@ class Training:
         self._rendezvous, self._exchange_s = rendezvous, 0.0
         self._history = History(config, owner.folder)
         self._network, self._optimizer, self._done = self._history.load_policy()
+        self._reward_scale = RewardScale(config, self._history.reward_scale(self._done))
         self._evaluations, self._counters = evaluations, counters or Counters()
         self.ended_early = ""
         self._memory = ReplayMemory(config.replay_iterations, config.replay_transitions)  # D
@@ -227,32 +231,31 @@ class Training:
 
     def _take(self, iteration: int, episodes: list[Scored]) -> None:
         """Makes an iteration's episodes the newest data set, and keeps their rewards for who looks at them."""
-        scale = self._config.reward_scale
         self._memory.add(
             [
                 EpisodeData(
                     frames=scored.episode.frames,
                     actions=scored.episode.actions,
-                    rewards=scored.rewards * scale,
+                    rewards=scored.rewards,
                     terminated=scored.episode.meta.terminated,
                 )
                 for scored in episodes
             ]
         )
-        rewards_px = [np.round(data.rewards / scale, 3).tolist() for data in self._memory.newest]
+        rewards_px = [np.round(data.rewards, 3).tolist() for data in self._memory.newest]
         if not self._history.check_rewards(iteration, episodes, rewards_px):
             self._insist("rewards", lambda: self._owner.append_rewards(iteration, rewards_px))
 
     def _update(self, iteration: int) -> UpdateReport:
         """One policy update; where others share it, again from the checkpoint until none was lost."""
-        D = Transitions.from_episodes(
-            self._memory.episodes,
-            frames_stacked=self._config.task_spec.frames_stacked,
-            difference=self._config.difference,
-        )
+        config, episodes = self._config, self._memory.episodes
+        D = data_of(config, episodes, self._reward_scale.of(episodes))
+        again = None
+        if levels := parse(config.augment):
+            again = data_of(config, seen_again(episodes, levels, config.seed, iteration))
         for given_up in range(1, GIVE_UP_AFTER + 1):
             try:
-                return self._try_update(iteration, D)
+                return self._try_update(iteration, D, again)
             except GroupLostError as error:
                 if given_up == GIVE_UP_AFTER:
                     raise
@@ -260,7 +263,9 @@ class Training:
                 self._load_policy()
         raise AssertionError("unreachable")
 
-    def _try_update(self, iteration: int, D: Transitions) -> UpdateReport:
+    def _try_update(
+        self, iteration: int, D: Transitions, again: Transitions | None
+    ) -> UpdateReport:
         def progress(epochs: int, _total: int) -> None:
             self._report(iteration, {"progress.epochs": float(epochs)})
 
@@ -270,6 +275,7 @@ class Training:
             D,
             UpdateConfig.of_iteration(self._config, iteration),
             shuffle_generator(self._config.seed, iteration),
+            again=again,
             gather=lambda regression: self._gathered(iteration, regression),
             progress=progress,
             stop=self._stop.is_set,
@@ -288,9 +294,9 @@ class Training:
 
     def _successes(self, episodes: list[Scored]) -> dict[str, int]:
         """How many succeeded, if that is defined."""
-        task, scale = self._config.task_spec, self._config.reward_scale
+        task = self._config.task_spec
         told = [
-            success_of(task, scored.episode.meta, data.rewards / scale)
+            success_of(task, scored.episode.meta, data.rewards)
             for scored, data in zip(episodes, self._memory.newest, strict=True)
         ]
         return {} if share(told) is None else {"successes": sum(map(bool, told))}
@@ -299,8 +305,7 @@ class Training:
         self, iteration: int, episodes: list[Scored], update: UpdateReport, weights: Weights
     ) -> dict[str, float | int | str | list[float]]:
         """The iteration's line in the run folder; docs/metrics.md explains every value."""
-        scale = self._config.reward_scale
-        returns = [float(episode.rewards.sum()) / scale for episode in self._memory.newest]
+        returns = [float(episode.rewards.sum()) for episode in self._memory.newest]
         name = self._config.task_spec.return_metric
         lengths = [scored.episode.steps for scored in episodes]
         metas = [scored.episode.meta for scored in episodes]
@@ -321,6 +326,7 @@ class Training:
             "max_preference": update.max_preference,
             "max_target": update.max_target,
             "scale": update.scale,
+            "reward_scale": self._reward_scale.found,
             "entropy": update.entropy,
             "agreement": update.agreement,
             "saturation": update.saturation,

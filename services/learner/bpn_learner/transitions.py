@@ -1,6 +1,6 @@
 """D as tensors: every frame once, observations gathered from frame indices."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields
 from typing import Self
 
@@ -9,6 +9,7 @@ import numpy.typing as npt
 import torch
 from torch import Tensor
 
+from bpn_shared.spec.config import RunConfig
 from bpn_shared.spec.observation import changes, frame_indices
 
 
@@ -19,7 +20,7 @@ class EpisodeData:
     Attributes:
         frames: uint8[T+1, c, rows, columns].
         actions: integers [T]; of several dimensions [T, D], the choice in each.
-        rewards: float[T], scaled.
+        rewards: float[T], unscaled.
         terminated: the task ended the episode, good or bad, not a time limit.
     """
 
@@ -74,13 +75,19 @@ class Transitions:
 
     @classmethod
     def from_episodes(
-        cls, episodes: Sequence[EpisodeData], *, frames_stacked: int, difference: bool = False
+        cls,
+        episodes: Sequence[EpisodeData],
+        *,
+        frames_stacked: int,
+        difference: bool = False,
+        reward_scale: float = 1.0,
     ) -> Self:
         """D from episodes of at least 1 step, in their order.
 
         Args:
             difference: whether what changed since the earlier frames of an observation takes their place
                 (`bpn_shared.spec.observation`); it is then among D's frames, behind those of its episode.
+            reward_scale: factor on rewards.
 
         Raises:
             ValueError: there is no episode, or one's frames are not one more than its actions.
@@ -117,7 +124,7 @@ class Transitions:
                 np.concatenate([e.actions for e in episodes]).astype(np.int64)
             ),
             rewards=torch.from_numpy(
-                np.concatenate([e.rewards for e in episodes]).astype(np.float32)
+                (reward_scale * np.concatenate([e.rewards for e in episodes])).astype(np.float32)
             ),
             done=torch.from_numpy(np.concatenate(done)),
             steps_left=torch.from_numpy(np.concatenate(steps_left)),
@@ -131,6 +138,22 @@ class Transitions:
     def gather(self, stacks: Tensor) -> Tensor:
         """Observations of frame indices, see `gather_observations`."""
         return gather_observations(self.frames, stacks)
+
+    def parts(self, stacks: Tensor, size: int) -> Iterator[Tensor]:
+        """The same, `size` at once: all together may take many times the memory of the frames."""
+        return (self.gather(part) for part in torch.split(stacks, size))
+
+
+def data_of(
+    config: RunConfig, episodes: Sequence[EpisodeData], reward_scale: float = 1.0
+) -> Transitions:
+    """Episodes as a run's observations are made of them."""
+    return Transitions.from_episodes(
+        episodes,
+        frames_stacked=config.task_spec.frames_stacked,
+        difference=config.difference,
+        reward_scale=reward_scale,
+    )
 
 
 def gather_observations(frames: Tensor, stacks: Tensor) -> Tensor:

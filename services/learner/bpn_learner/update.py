@@ -2,7 +2,7 @@
 
 import math
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field
 from typing import Any, Self
@@ -12,12 +12,13 @@ import torch
 from torch import Tensor
 
 from bpn_learner.cvi import NO_FLOOR, outputs_taken
+from bpn_learner.gathering import RegressionBatch, gathered_gradients
 from bpn_learner.group import SINGLE_PROCESS, Group
-from bpn_learner.minibatch import minibatch_gradients
 from bpn_learner.networks import PNetwork
 from bpn_learner.policy_metrics import agreement, entropy
+from bpn_learner.steps import best_step
 from bpn_learner.targets import TargetInputs, target_values
-from bpn_learner.transitions import Transitions, gather_observations
+from bpn_learner.transitions import Transitions
 from bpn_shared.spec.config import RunConfig
 from bpn_shared.spec.sections import Backend
 
@@ -78,7 +79,7 @@ class UpdateConfig:
         """What a run's configuration asks for in an iteration."""
         return cls(
             alpha=config.alpha,
-            beta=config.beta,
+            beta=config.beta_of(iteration),
             gamma=config.gamma,
             epochs=config.epochs,
             batch_size=config.batch_size,
@@ -93,23 +94,6 @@ class UpdateConfig:
             lr_update_final_factor=config.lr_update_final_factor,
             backend=config.backend,
         )
-
-
-@dataclass(frozen=True, eq=False)
-class RegressionBatch:
-    """What the minibatches of an update fit P to.
-
-    Attributes:
-        frames: uint8[m, c, rows, columns].
-        observations: int64[n, frames_stacked], frame indices as in `Transitions`.
-        actions: int64[n]; of several dimensions int64[n, D], the outputs that each action takes.
-        y: float32[n], the target of P(s, a).
-    """
-
-    frames: Tensor
-    observations: Tensor
-    actions: Tensor
-    y: Tensor
 
 
 Gather = Callable[[RegressionBatch], AbstractContextManager[Group]]
@@ -161,17 +145,19 @@ def policy_update(
     settings: UpdateConfig,
     rng: np.random.Generator,
     *,
+    again: Transitions | None = None,
     gather: Gather = lambda _: nullcontext(SINGLE_PROCESS),
     progress: Callable[[int, int], None] | None = None,
     stop: Callable[[], bool] | None = None,
 ) -> UpdateReport:
     """Trains the network on D and leaves it in evaluation mode, ready to fold.
 
-    A binarized network's batch norm is estimated anew over D at the end. With one thread, equal inputs
+    A binarized network's batch norm is estimated anew over D and `again` at the end. With one thread, equal inputs
     give equal bits.
 
     Args:
         rng: shuffles D, once per epoch.
+        again: the same transitions with other pictures; P is fitted to D's targets there too.
         gather: the learners that share the minibatches; by default there are no others.
         progress: called with (epochs done, epochs) after each.
         stop: asked before each epoch, and in long ones some times a second.
@@ -190,6 +176,8 @@ def policy_update(
     y, offset = targets(transitions, P_target, P_next, settings, float(network.offset), dims=dims)
     taken = outputs_taken(actions, dims) if len(dims) > 1 else actions
     regression = RegressionBatch(transitions.frames, transitions.observations, taken, y)
+    if again is not None:
+        regression = regression.with_pictures(again.to(device))
     with gather(regression) as group:
         losses = fit(
             network, optimizer, regression, settings, rng, group=group, progress=progress, stop=stop
@@ -197,7 +185,7 @@ def policy_update(
     network.eval()
     network.offset.fill_(offset)
 
-    network.finish_update(lambda: gather_observations(transitions.frames, transitions.observations))
+    network.finish_update(lambda: regression.parts(EVALUATION_BATCH))
     return UpdateReport(
         loss_first=losses[0],
         loss_last=losses[-1],
@@ -207,7 +195,7 @@ def policy_update(
         entropy=entropy(P_target, settings.beta, dims),
         agreement=_agreement(network, transitions, P_target),
         saturation=float((y.abs() > network.max_preference()).float().mean()),
-        updates=updates_of(settings, len(transitions)),
+        updates=updates_of(settings, len(regression.y)),
         seconds=time.perf_counter() - started,
     )
 
@@ -215,7 +203,7 @@ def policy_update(
 def _agreement(network: PNetwork, transitions: Transitions, P_target: Tensor) -> float:
     """Of the newest transitions: as many as cost little beside the update."""
     newest = transitions.observations[-LOOKED_AT:]
-    after = preferences(network, transitions.gather(newest))
+    after = preferences(network, transitions.parts(newest, EVALUATION_BATCH))
     return agreement(P_target[-LOOKED_AT:], after, network.spec.action_dims)
 
 
@@ -237,31 +225,28 @@ def fit(
     """
     B, size = settings.batch_size, len(regression.actions)
     minibatches = minibatches_per_epoch(size, B)
-    observations = gather_observations(regression.frames, regression.observations)
-    gradients = minibatch_gradients(
-        settings.backend, network, observations, regression.actions, regression.y, group=group
-    )
+    gradients = gathered_gradients(settings.backend, network, regression, B, group=group)
     losses: list[float] = []
 
     updates = updates_of(settings, size)
     epochs = -(-updates // minibatches)
     network.train()
-    for epoch in range(epochs):
-        set_learning_rate(optimizer, annealing(epoch, settings))
-        order = torch.from_numpy(rng.permutation(size)).to(observations.device)
-        total = torch.zeros((), device=observations.device)
-        steps = min(minibatches, updates - epoch * minibatches)
-        for k in range(steps):
-            if stop is not None and k % _STOP_EVERY == 0 and stop():
-                raise UpdateStopped(f"stopped after {epoch} of {epochs} epochs")
-            if settings.max_updates:  # which may end within an epoch: annealed from step to step
-                set_learning_rate(optimizer, annealed(epoch * minibatches + k, updates, settings))
-            total += gradients(order[B * k : B * (k + 1)])
-            optimizer.step()
-            network.clip_latent_weights()
-        losses.append(_finite(float(total) / steps, network))
-        if progress is not None:
-            progress(epoch + 1, epochs)
+    with best_step(gradients, network, optimizer, group=group) as step:
+        for epoch in range(epochs):
+            set_learning_rate(optimizer, annealing(epoch, settings))
+            order = torch.from_numpy(rng.permutation(size)).to(regression.y.device)
+            total = torch.zeros((), device=regression.y.device)
+            steps = min(minibatches, updates - epoch * minibatches)
+            for k in range(steps):
+                if stop is not None and k % _STOP_EVERY == 0 and stop():
+                    raise UpdateStopped(f"stopped after {epoch} of {epochs} epochs")
+                if settings.max_updates:  # may end within an epoch: annealed from step to step
+                    done = epoch * minibatches + k
+                    set_learning_rate(optimizer, annealed(done, updates, settings))
+                total += step(order[B * k : B * (k + 1)])
+            losses.append(_finite(float(total) / steps, network))
+            if progress is not None:
+                progress(epoch + 1, epochs)
     return losses
 
 
@@ -291,7 +276,11 @@ def annealed(done: int, count: int, settings: UpdateConfig) -> float:
 def set_learning_rate(optimizer: torch.optim.Optimizer, factor: float) -> None:
     """Sets every group's rate to that factor of what `make_optimizer` gave it."""
     for group in optimizer.param_groups:
-        group["lr"] = factor * group["initial_lr"]
+        rate = factor * group["initial_lr"]
+        if isinstance(group["lr"], Tensor):  # of a recorded step, which reads it where it is
+            group["lr"].fill_(rate)
+        else:
+            group["lr"] = rate
 
 
 def minibatches_per_epoch(size: int, batch: int) -> int:
@@ -312,18 +301,16 @@ def target_preferences(network: PNetwork, transitions: Transitions) -> tuple[Ten
     """
     both = torch.cat([transitions.observations, transitions.next_observations])
     stacks, where = torch.unique(both, dim=0, return_inverse=True)
-    P = preferences(network, transitions.gather(stacks))
+    P = preferences(network, transitions.parts(stacks, EVALUATION_BATCH))
     P_target, P_next = torch.split(P[where], len(transitions))
     return P_target, P_next
 
 
 @torch.no_grad()
-def preferences(network: PNetwork, observations: Tensor) -> Tensor:
-    """P(s, .) of the evaluated network: uint8[n, C, rows, columns] to float32[n, |A|]."""
+def preferences(network: PNetwork, observations: Iterable[Tensor]) -> Tensor:
+    """P(s, .) of the evaluated network: uint8[n, C, rows, columns] each to float32[all n, |A|]."""
     network.eval()
-    return torch.cat(
-        [network(part.float()) for part in torch.split(observations, EVALUATION_BATCH)]
-    )
+    return torch.cat([network(part.float()) for part in observations])
 
 
 def targets(

@@ -8,6 +8,13 @@
 namespace bpn {
 namespace {
 
+// Outputs of layer l >= 1 from its inputs.
+inline void layer_outputs(const Geometry& geometry, int B, const Workspace& work, int l) {
+  const Layer& layer = geometry.layers[l];
+  if (!layer.connected) convolve(layer, B, work.inputs[l], work.transposed[l], work.outputs[l]);
+  else connect(layer, B, work.inputs[l], work.weights[l], work.outputs[l]);
+}
+
 // The weights in the layouts that the products read. Padding stays zero.
 inline void take_weights(const Geometry& geometry, const float* from, const Workspace& work) {
   for (int l = 0; l < geometry.count; ++l) {

@@ -21,12 +21,11 @@ inline void take_signs(const Geometry& geometry, const Parameters& in, const Wor
     for (int n = 0; n < layer.outputs; ++n, latent += layer.true_fan_in()) {
       float* signs = work.weights[l] + n * fan_in;
       each_input(layer, [&](int from, int to) { signs[to] = sign_of(latent[from]); });
-      if (work.transposed[l])
-        for (int k = 0; k < fan_in; ++k) work.transposed[l][k * layer.width + n] = signs[k];
       if (l == 0)
         for (int k = 0; k < fan_in; ++k)
           work.pixel_signs[together_at<kTogetherPixels>(layer, n, k)] = static_cast<int8_t>(signs[k]);
     }
+    if (l > 0) pack_signs(layer, work.weights[l], work.sign_bits[l]);
   }
 }
 
@@ -56,11 +55,12 @@ inline void gradients(const Geometry& geometry, const Batch& batch, const Parame
 
   const int conv1_values = layers[0].positions() * layers[0].width;
   for (int b = 0; b < B; ++b)
-    convolve_pixels(layers[0], batch.pixels[b], work.pixel_signs, work.outputs[0] + b * conv1_values);
+    convolve_pixels(layers[0], batch.pixels[b], b + 1 < B ? batch.pixels[b + 1] : nullptr, work.pixel_signs,
+                    work.outputs[0] + b * conv1_values);
   for (int l = 0; l < last; ++l) {
     normalize(batch, layers[l], work.outputs[l], work.gamma[l], work.beta[l], work.norm_scale[l],
-              work.inputs[l + 1]);
-    layer_outputs(geometry, B, work, l + 1);
+              work.inputs[l + 1], work.input_bits[l + 1], layers[l + 1].bit_bytes());
+    count_outputs(layers[l + 1], B, work.input_bits[l + 1], work.sign_bits[l + 1], work.outputs[l + 1]);
   }
 
   const Loss loss =

@@ -7,13 +7,6 @@
 namespace bpn {
 namespace {
 
-// Outputs of layer l >= 1 from its inputs.
-inline void layer_outputs(const Geometry& geometry, int B, const Workspace& work, int l) {
-  const Layer& layer = geometry.layers[l];
-  if (!layer.connected) convolve(layer, B, work.inputs[l], work.transposed[l], work.outputs[l]);
-  else connect(layer, B, work.inputs[l], work.weights[l], work.outputs[l]);
-}
-
 // Gradients of layer l's weights and, but for the first layer, of its inputs, from that of its outputs.
 inline void layer_gradients(const Geometry& geometry, const Batch& batch, const Workspace& work, int l) {
   const Layer& layer = geometry.layers[l];

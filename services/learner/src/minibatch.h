@@ -49,13 +49,11 @@ struct FloatGradients {
   float loss;
 };
 
-// Scratch. For layer l: weights (binarized: their signs) [width][fan_in]; transposed [fan_in][width] of the
-// convolutions from the second on; inputs x_l [image][position][channel] from layer 2 on; outputs o_l (binarized: normalized
+// Scratch. For layer l: weights (binarized: their signs) [width][fan_in]; inputs x_l [image][position][channel] from layer 2 on; outputs o_l (binarized: normalized
 // by batch norm), and the gradient of o_l, both [image][position][width]; the gradient of the weights
 // [width][rows][padded run].
 struct Workspace {
   float* weights[kMaxLayers];
-  float* transposed[kMaxLayers];
   float* inputs[kMaxLayers];
   float* outputs[kMaxLayers];
   float* gradients[kMaxLayers];
@@ -63,6 +61,9 @@ struct Workspace {
   float* norm_scale[kMaxLayers];  // 1 / sqrt(var + epsilon), [width]
   float* gamma[kMaxLayers];       // padded with zeros
   float* beta[kMaxLayers];
+  uint64_t* sign_bits[kMaxLayers];  // binarized: of the weights from layer 2 on, see `pack_signs`
+  uint8_t* input_bits[kMaxLayers];  // binarized: of the inputs from layer 2 on, see `count_outputs`
+  float* transposed[kMaxLayers];    // float: [fan_in][width] of the convolutions from the second on
   int8_t* pixel_signs;        // conv1's, [eight outputs][row][eight inputs][output][input], zero beyond a row's
   float* pixel_weights;       // float: the same with as many inputs as fit a vector
   float* image;               // float: one image, and zeros behind it
@@ -87,9 +88,11 @@ struct PathList {
 PathList compiled_paths();
 
 Minibatch gradients_avx512_vnni;
+Minibatch gradients_cascade_lake;
 Minibatch gradients_avx2;
 Minibatch gradients_portable;
 FloatMinibatch float_gradients_avx512_vnni;
+FloatMinibatch float_gradients_cascade_lake;
 FloatMinibatch float_gradients_avx2;
 FloatMinibatch float_gradients_portable;
 

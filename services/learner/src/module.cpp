@@ -74,8 +74,6 @@ class Scratch {
       biases_ += layer.outputs;
       work_.weights[l] = fixed_.floats(size_t(layer.width) * layer.fan_in());
       work_.weight_gradients[l] = fixed_.floats(size_t(layer.width) * layer.rows * padded(layer.run));
-      const bool transposed = l > 0 && !layer.connected;
-      work_.transposed[l] = transposed ? fixed_.floats(size_t(layer.width) * layer.fan_in()) : nullptr;
     }
     padded_image_ = static_cast<uint8_t*>(fixed_.bytes(size_t(geometry_.layers[0].image) + kSlack));
   }
@@ -143,7 +141,9 @@ class Scratch {
       const size_t values = B * layer.positions() * layer.width;
       work_.outputs[l] = images_memory_.floats(values);
       work_.gradients[l] = images_memory_.floats(values);
-      work_.inputs[l] = l ? images_memory_.floats(B * layer.image) : nullptr;
+      if (l == 0) continue;
+      work_.inputs[l] = images_memory_.floats(B * layer.image);
+      work_.input_bits[l] = static_cast<uint8_t*>(images_memory_.bytes(B * layer.bit_bytes() + sizeof(uint64_t)));
     }
   }
 
@@ -180,6 +180,10 @@ class Kernel : Scratch {
       work_.gamma[l] = fixed_.floats(width);
       work_.beta[l] = fixed_.floats(width);
     }
+    for (int l = 1; l < geometry_.count; ++l) {
+      const Layer& layer = geometry_.layers[l];
+      work_.sign_bits[l] = static_cast<uint64_t*>(fixed_.bytes(size_t(layer.width) * layer.patch_words() * 8));
+    }
     const Layer& conv1 = geometry_.layers[0];
     work_.pixel_signs = static_cast<int8_t*>(fixed_.bytes(together_size(conv1)));
   }
@@ -207,6 +211,10 @@ class FloatKernel : Scratch {
  public:
   FloatKernel(const std::string& path, const std::vector<Sizes>& layers) : Scratch(path, layers) {
     const Layer& conv1 = geometry_.layers[0];
+    for (int l = 1; l < geometry_.count; ++l) {
+      const Layer& layer = geometry_.layers[l];
+      work_.transposed[l] = layer.connected ? nullptr : fixed_.floats(size_t(layer.width) * layer.fan_in());
+    }
     work_.pixel_weights = fixed_.floats(together_size(conv1));
     work_.image = fixed_.floats(size_t(conv1.image) + kBlock);
   }

@@ -3,38 +3,41 @@
 
 #include <cmath>
 
+#include "bits.h"
 #include "minibatch.h"
-#include "vectors.h"
 
 namespace bpn {
 namespace {
 
-using Eight = float __attribute__((vector_size(32)));
 using EightDoubles = double __attribute__((vector_size(64)));
-using EightInts = int32_t __attribute__((vector_size(32)));
 
+constexpr int kChains = 4;  // of sums, so that none waits for the one before it
 constexpr double kEpsilon = 1e-5;
 constexpr float kPassBound = 1.0f + 0x1p-23f;  // the straight-through gradient passes where |z| <= this
 
 inline EightDoubles as_doubles(Eight v) { return __builtin_convertvector(v, EightDoubles); }
 inline Eight as_floats(EightDoubles v) { return __builtin_convertvector(v, Eight); }
 
-// o [n][width] becomes normalized, s its sign after gamma and beta, with the statistics of the whole minibatch.
+// o [n][width] becomes normalized, s its sign after gamma and beta, and `bits` s as bits (of an image from whole words
+// on), with the statistics of the whole minibatch.
 // The sums of integers and of their squares are exact in double: the statistics do not depend on any order,
 // nor on how a minibatch is shared.
 inline void normalize(const Batch& batch, const Layer& layer, float* o, const float* gamma, const float* beta,
-                      float* norm_scale, float* s) {
+                      float* norm_scale, float* s, uint8_t* bits, int bit_bytes) {
   const int n = batch.size * layer.positions(), width = layer.width;
   const double total = double(batch.total) * layer.positions();
   double sums[2 * kMaxOutputs];  // of the values, of their squares
   for (int c = 0; c < width; c += 8) {
-    EightDoubles sum = {}, squares = {};
-    for (int i = 0; i < n; ++i) {
-      const EightDoubles value = as_doubles(loaded<Eight>(o + i * width + c));
-      sum += value;
-      squares += value * value;
-    }
-    store(sums + c, sum), store(sums + width + c, squares);
+    EightDoubles sum[kChains] = {}, squares[kChains] = {};
+    for (int i = 0; i < n; i += kChains)
+      each<kChains>([&](auto k) INLINE_LAMBDA {
+        if (i + k >= n) return;
+        const EightDoubles value = as_doubles(loaded<Eight>(o + (i + k) * width + c));
+        sum[k] += value;
+        squares[k] += value * value;
+      });
+    for (int k = 1; k < kChains; ++k) sum[0] += sum[k], squares[0] += squares[k];
+    store(sums + c, sum[0]), store(sums + width + c, squares[0]);
   }
   batch.exchange(sums, 2 * width);
   for (int c = 0; c < width; c += 8) {
@@ -46,12 +49,16 @@ inline void normalize(const Batch& batch, const Layer& layer, float* o, const fl
     }
     store(norm_scale + c, as_floats(scale));
     const Eight a = loaded<Eight>(gamma + c), b = loaded<Eight>(beta + c);
-    for (int i = 0; i < n; ++i) {
-      float* at = o + i * width + c;
-      const Eight normalized = as_floats((as_doubles(loaded<Eight>(at)) - mean) * scale);
-      store(at, normalized);
-      const Eight z = normalized * a + b;
-      store(s + i * width + c, z >= 0 ? Eight{} + 1 : Eight{} - 1);
+    float *value = o + c, *sign = s + c;
+    for (int image = 0; image < batch.size; ++image) {
+      uint8_t* to = bits + image * bit_bytes + c / 8;
+      for (int i = 0; i < layer.positions(); ++i, value += width, sign += width, to += width / 8) {
+        const Eight normalized = as_floats((as_doubles(loaded<Eight>(value)) - mean) * scale);
+        store(value, normalized);
+        const Eight z = normalized * a + b;
+        store(sign, z >= 0 ? Eight{} + 1 : Eight{} - 1);
+        *to = sign_bits(z);
+      }
     }
   }
 }

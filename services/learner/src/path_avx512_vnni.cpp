@@ -1,4 +1,4 @@
-// AVX-512 with VNNI: Intel since Ice Lake, AMD since Zen 4.
+// AVX-512 with VNNI and VPOPCNTDQ: Intel since Ice Lake, AMD since Zen 4.
 #include "float_gradients.h"
 #include "gradients.h"
 

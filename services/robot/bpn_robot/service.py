@@ -1,8 +1,10 @@
 """One robot with its camera. Actions in, frames out.
 
 Lockstep: the robot waits for the action of each frame, repeating the frame while none comes. Realtime:
-it ticks at the control period whatever comes; without an action in time the robot holds. There an action may
-be given a delay, as a slower network or processor would: it then acts that much after it arrived.
+it ticks at the control period whatever comes; without an action in time the robot is commanded to hold. There an
+action may be given a delay, as a slower network or processor would: it then acts that much after it arrived.
+
+A robot that hears no edge for long is stopped, as it is whenever no episode is under way.
 """
 
 import logging
@@ -15,11 +17,13 @@ from math import isqrt
 
 import numpy as np
 
+from bpn_robot.commands import Commands
+from bpn_robot.edge_link import EdgeLink
 from bpn_robot.frame import is_flat
 from bpn_robot.robot import Robot, RobotFault
 from bpn_robot.robots import make_robot
 from bpn_shared.bus import keys
-from bpn_shared.bus.latest import LatestPublisher, LatestSubscriber, Sample
+from bpn_shared.bus.latest import Sample
 from bpn_shared.bus.requests import Responder
 from bpn_shared.bus.sampled import SampledPublisher
 from bpn_shared.messages.action import Action
@@ -57,21 +61,24 @@ class RobotService:
 
     def __init__(self, worker: Worker, config: RunConfig, robot: Robot) -> None:
         self._worker, self._config, self._robot = worker, config, robot
+        self._commands = Commands(robot, worker.counters)
+        self._heard_s = 0.0
+        """When an edge last said something of this episode."""
         self._task = config.task_spec
         self._delays_ns: list[int] = []
         """Of this episode's actions, from their arrival until they act."""
         self._in_flight: deque[Answer] = deque()
         """Realtime: arrived, and yet to act."""
-        self._frames = LatestPublisher(worker.bus, keys.frame(worker.run, worker.slot), "frame")
+        self._edge = EdgeLink(worker)
+        place = worker.run, worker.slot, worker.site
         self._previews = SampledPublisher(
             worker.bus,
-            keys.preview(worker.run, worker.slot),
+            keys.preview(*place),
             _PREVIEW_HZ,
             _preview,
             worker.counters,
         )
         self._seen: deque[bytes] = deque(maxlen=self._task.frames_stacked)
-        self._actions = LatestSubscriber(worker.bus, keys.action(worker.run, worker.slot))
         self._lock = threading.Lock()
         self._current: Reset | None = None
         self._pending: Reset | None = None
@@ -79,17 +86,16 @@ class RobotService:
         self._step = 0
         """That is under way in this episode, 1..T; 0: the reset."""
         self._faults = FaultReporter(worker)
-        self._resets = Responder(
-            worker.bus, keys.reset(worker.run, worker.slot), self._on_reset, worker.counters
-        )
+        self._resets = Responder(worker.bus, keys.reset(*place), self._on_reset, worker.counters)
 
     def run(self) -> None:
         """Serves until the worker is stopped."""
         while not self._worker.stop.is_set():
             reset = self._take_reset()
             if reset is None:
+                self._commands.stop()
                 self._worker.waiting.set("an edge to begin an episode")
-                self._actions.take(_RESEND_S)
+                self._edge.take(_RESEND_S)
                 continue
             self._worker.waiting.done()
             self._play(reset)
@@ -103,6 +109,8 @@ class RobotService:
         except Exception as error:
             log.exception("episode (%d, %d) cannot be played", reset.iteration, reset.episode)
             self._fail(reset, f"{type(error).__name__}: {error}")
+        finally:
+            self._commands.stop()
 
     def _fail(self, reset: Reset, what: str) -> None:
         at = f" at step {self._step}" if self._step else ""
@@ -110,21 +118,28 @@ class RobotService:
         self._faults.tell(
             reset.iteration, reset.episode, f"{self._task.name}: {what}{at} (seed {reset.seed})"
         )
+        self._forget()
+
+    def _forget(self) -> None:
+        """Asked for again, the episode is begun again."""
         with self._lock:
-            self._current, self._repeat = None, False  # asked for again, it is begun again
+            self._current, self._repeat = None, False
 
     def close(self) -> None:
-        """Stops showing what the robot's camera sees."""
+        """Stops the robot, and shows nobody any more what its camera sees."""
+        self._commands.stop()
         self._previews.close()
+        self._edge.close()
 
     def _on_reset(self, body: bytes) -> bytes:
         reset = Reset.decode(body)
         with self._lock:
             if self._current is not None and reset.reset_id == self._current.reset_id:
                 self._repeat = True  # asked again: the frame may have been lost, so send it again
+                self._edge.doubt()
             else:
                 self._pending = reset
-        self._actions.wake()
+        self._edge.wake()
         return ResetReply(reset_id=reset.reset_id).encode()
 
     def _take_reset(self) -> Reset | None:
@@ -141,13 +156,15 @@ class RobotService:
         return self._pending is not None or self._worker.stop.is_set()
 
     def _drive(self, reset: Reset) -> None:
-        robot, hold = self._robot, self._task.hold_action
+        robot = self._robot
         realtime = self._config.pacing == "realtime"
         self._step = 0
+        self._commands.begin()
         frame = robot.reset(reset.seed)
         pixels, blind = frame.tobytes(), is_flat(frame)
         self._in_flight.clear()
         self._delays_ns = self._drawn_delays_ns(reset.seed)
+        self._heard_s = time.monotonic()
         self._seen.extend([pixels] * self._task.frames_stacked)
         kind, step, applied, loop_ns, misses = FrameKind.FIRST, 0, NO_ACTION, 0, 0
         reward = NO_REWARD
@@ -163,6 +180,7 @@ class RobotService:
                         f"every frame of episode ({reset.iteration}, {reset.episode}) has one colour only: "
                         "the camera shows nothing",
                     )
+                self._commands.stop()
                 self._repeat_until_reset(header, pixels)
                 return
             self._step = step + 1
@@ -170,7 +188,10 @@ class RobotService:
             answer = step_robot(header, pixels)
             if self._ends_now():
                 return
-            applied = hold if answer is None else answer.action
+            if answer is None and self._is_deserted():
+                self._desert(reset)
+                return
+            applied = self._task.hold_action if answer is None else answer.action
             misses += answer is None
             loop_ns = 0 if answer is None else answer.camera_to_action_ns
             frame = robot.frame()
@@ -192,9 +213,11 @@ class RobotService:
             answer = self._receive(header, time.monotonic() + _RESEND_S, self._interrupted)
             if answer is not None:
                 self._worker.waiting.done()
-                self._robot.command(answer.action)
+                self._commands.act(answer.action)
                 self._robot.settle()
                 return answer
+            if self._is_deserted():
+                self._commands.stop()  # the world waits, and the episode goes on when the edge is back
             if not self._interrupted():
                 self._worker.waiting.set("an action from the edge")
                 self._worker.counters.add("frames_sent_again")
@@ -202,7 +225,7 @@ class RobotService:
         return None
 
     def _tick(self, header: FrameHeader, pixels: bytes) -> Answer | None:
-        """Realtime: the world goes on for one control period, in which the next action that is due acts.
+        """Realtime: the world goes on for one control period, in which the next action that is due acts, or holding.
 
         Without a delay that is the answer to this frame; with one longer than the period, to an older frame.
         """
@@ -214,14 +237,29 @@ class RobotService:
             self._in_flight.append(answer)
         acting = self._due(end_ns)
         if acting is None:
+            self._commands.hold()
             self._robot.advance(period_s)
         else:
             before_s = min(max(0.0, acting.t_act_ns / 1e9 - start_s), period_s)
             self._robot.advance(before_s)
-            self._robot.command(acting.action)
+            self._commands.act(acting.action)
             self._robot.advance(period_s - before_s)
         self._worker.stop.wait(max(0.0, start_s + period_s - time.monotonic()))
         return acting
+
+    def _is_deserted(self) -> bool:
+        """Whether no edge has said anything of this episode for too long."""
+        return time.monotonic() - self._heard_s > self._config.longest_silence_s
+
+    def _desert(self, reset: Reset) -> None:
+        """Realtime: ends an episode that nobody plays any more; what came of it is no data."""
+        self._commands.stop()
+        self._forget()
+        self._worker.counters.refuse(
+            "episodes_deserted",
+            f"no action for {self._config.longest_silence_s:g} s in episode ({reset.iteration}, {reset.episode}): "
+            "the robot is stopped, and the episode begun again when an edge asks for it",
+        )
 
     def _drawn_delays_ns(self, seed: int) -> list[int]:
         low_ms, high_ms = self._task.disturbances.get("latency", (0.0, 0.0))
@@ -239,7 +277,7 @@ class RobotService:
         while not self._ends_now():
             self._send(header, pixels)
             self._repeat = False
-            self._actions.take(_RESEND_S)
+            self._edge.take(_RESEND_S)
 
     def _receive(
         self, header: FrameHeader, deadline_s: float, interrupted: Callable[[], bool]
@@ -248,8 +286,9 @@ class RobotService:
         while not interrupted():
             remaining_s = deadline_s - time.monotonic()
             if remaining_s <= 0:
+                self._edge.doubt()
                 return None
-            sample = self._actions.take(remaining_s)
+            sample = self._edge.take(remaining_s)
             if sample is None:
                 continue
             answer = self._decode(sample, header)
@@ -263,14 +302,17 @@ class RobotService:
         except MessageError as error:
             self._worker.counters.refuse("actions_refused", str(error))
             return None
+        if action.reset_id == header.reset_id:
+            self._heard_s = sample.t_receive_ns / 1e9
         if (action.reset_id, action.step) != (header.reset_id, header.step):
             self._worker.counters.add("actions_for_other_frames")
             return None
+        self._edge.answered(sample)
         t_act_ns = sample.t_receive_ns + self._delays_ns[header.step]
         return Answer(action.action, header.t_capture_ns, t_act_ns)
 
     def _send(self, header: FrameHeader, pixels: bytes) -> None:
-        self._frames.put(pixels, header.encode())
+        self._edge.send(header.encode(), pixels)
         if self._previews.has_subscribers:
             self._previews.publish_latest((header, self._observed()))
 

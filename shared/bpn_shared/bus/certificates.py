@@ -4,6 +4,9 @@ import os
 from pathlib import Path
 from typing import NamedTuple, Self
 
+from bpn_shared.bus.identity import Identity
+from bpn_shared.bus.x509 import facts_of
+from bpn_shared.site import MAIN_SITE, check_name
 from bpn_shared.spec.config import ConfigError
 
 AUTHORITY, CERTIFICATE, KEY = "authority.pem", "certificate.pem", "key.pem"
@@ -35,6 +38,26 @@ def own_certificates() -> CertificateFiles | None:
     """This service's, in the folder that the environment names, if it does."""
     named = os.environ.get(FOLDER_VARIABLE)
     return CertificateFiles.in_folder(Path(named)) if named else None
+
+
+def own_site(told: str | None) -> str:
+    """The site of this process: what it was told, or what its certificate says.
+
+    Raises:
+        InputError: it is no site's name, or the certificate is of another one.
+    """
+    if told not in (None, MAIN_SITE):
+        check_name(told, "--site")
+    files = own_certificates()
+    try:
+        named = None if files is None else Identity.parse(facts_of(files.certificate).common_name)
+    except (OSError, ValueError):
+        named = None  # who connects with it says what is wrong
+    if named is None:
+        return told or MAIN_SITE
+    if told not in (None, named.site):
+        raise CertificateError(f"--site {told}: the certificate is of site {named.site}")
+    return named.site
 
 
 def client_tls(endpoint: str) -> dict[str, object]:

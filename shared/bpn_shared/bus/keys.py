@@ -1,36 +1,44 @@
 """Every key expression of the system, in one place (the topic table is in ARCHITECTURE.md).
 
-`ANY` in place of a part makes a pattern; who may do what at which key is in `bpn_shared.bus.access`.
+`ANY` in place of a part makes a pattern; who may do what at which key is in `bpn_shared.bus.access`. What robot
+and edge of a slot say to each other has their site in its key: so a certificate can be good for one site alone.
 """
 
 from typing import Literal
 from uuid import UUID
+
+from bpn_shared.site import MAIN_SITE
 
 ANY: Literal["*"] = "*"
 Run = UUID | Literal["*"]
 Slot = int | Literal["*"]
 
 
-def frame(run: Run, slot: Slot) -> str:
-    return f"bpn/{run}/robot/{slot}/frame"
+def frame(run: Run, slot: Slot, site: str = MAIN_SITE) -> str:
+    return f"bpn/{run}/robot/{site}/{slot}/frame"
 
 
-def action(run: Run, slot: Slot) -> str:
-    return f"bpn/{run}/robot/{slot}/action"
+def action(run: Run, slot: Slot, site: str = MAIN_SITE) -> str:
+    return f"bpn/{run}/robot/{site}/{slot}/action"
 
 
-def reset(run: Run, slot: Slot) -> str:
-    return f"bpn/{run}/robot/{slot}/reset"
+def reset(run: Run, slot: Slot, site: str = MAIN_SITE) -> str:
+    return f"bpn/{run}/robot/{site}/{slot}/reset"
 
 
-def preview(run: Run, slot: Slot) -> str:
+def local_link(run: Run, slot: Slot, site: str, name: str) -> str:
+    """Liveliness token of a robot: at which Unix socket an edge on its machine reaches it past the router."""
+    return f"bpn/{run}/robot/{site}/{slot}/local/{name}"
+
+
+def preview(run: Run, slot: Slot, site: str = MAIN_SITE) -> str:
     """What the network of this slot sees, for who watches."""
-    return f"bpn/{run}/robot/{slot}/preview"
+    return f"bpn/{run}/robot/{site}/{slot}/preview"
 
 
-def decision(run: Run, slot: Slot) -> str:
+def decision(run: Run, slot: Slot, site: str = MAIN_SITE) -> str:
     """What the policy of this slot decided and why, for who watches."""
-    return f"bpn/{run}/edge/{slot}/decision"
+    return f"bpn/{run}/edge/{site}/{slot}/decision"
 
 
 def next_episode(run: Run) -> str:
@@ -95,9 +103,15 @@ def probe() -> str:
     return "bpn/robot_sim/probe"
 
 
-def lease_request() -> str:
-    """Where the registry gives idle workers work."""
-    return "bpn/registry/lease"
+def lease_request(site: str = MAIN_SITE) -> str:
+    """Where the registry gives the idle workers of a site work."""
+    return f"bpn/registry/lease/{site}"
+
+
+LEASE_REQUEST_OF_EARLIER = "bpn/registry/lease"
+"""Where workers of earlier protocols ask, to be told why they are of no use."""
+LEASE_REQUESTS = f"{LEASE_REQUEST_OF_EARLIER}/**"
+"""Where anyone asks."""
 
 
 def serving(host: str, pid: str, name: str) -> str:

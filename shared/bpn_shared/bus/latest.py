@@ -16,16 +16,23 @@ import zenoh
 from bpn_shared.bus.declared import Declared
 from bpn_shared.bus.session import Bus
 from bpn_shared.bus.signal import Signal
+from bpn_shared.bus.traffic import Tally
 
 _PRIORITIES = {"frame": zenoh.Priority.DATA_HIGH, "action": zenoh.Priority.REAL_TIME}
 
 
 class Sample(NamedTuple):
-    """One received message; `t_receive_ns` is this process's monotonic clock."""
+    """One received message.
+
+    Attributes:
+        t_receive_ns: this process's monotonic clock.
+        is_local: whether it came past the router (`bpn_shared.bus.local_link`).
+    """
 
     attachment: bytes
     payload: bytes
     t_receive_ns: int
+    is_local: bool = False
 
 
 class LatestPublisher(Declared):
@@ -78,24 +85,27 @@ class DirectSubscriber(Declared):
         )
 
 
-class LatestSubscriber:
-    """A slot with the newest message; older ones that nobody took are gone. One thread takes."""
+class LatestSlot:
+    """The newest message of those that anyone puts here; older ones that nobody took are gone. One thread takes.
 
-    def __init__(self, bus: Bus, key: str) -> None:
-        self._slot = threading.Lock()
+    Args:
+        tally: where messages that nobody took are counted.
+    """
+
+    def __init__(self, tally: Tally) -> None:
+        self._lock = threading.Lock()
         self._sample: Sample | None = None
         self._news = Signal()
+        self._tally = tally
         self.received = 0
         """Messages so far, taken or not."""
-        self._tally = bus.traffic.received(key)
-        # The default handler would queue 256 stale frames instead of keeping the newest.
-        self._subscriber = DirectSubscriber(bus, key, self._put)
 
-    def _put(self, attachment: bytes, payload: bytes, t_receive_ns: int) -> None:
-        with self._slot:
+    def put(self, sample: Sample) -> None:
+        """Leaves a message instead of an older one."""
+        with self._lock:
             if self._sample is not None:
                 self._tally.dropped += 1
-            self._sample = Sample(attachment, payload, t_receive_ns)
+            self._sample = sample
             self.received += 1
         self._news.tell()
 
@@ -103,13 +113,22 @@ class LatestSubscriber:
         """Makes `take` return at once, the one that waits now or the next one."""
         self._news.tell()
 
-    def close(self) -> None:
-        """Takes in no more."""
-        self._subscriber.close()
-
     def take(self, timeout_s: float) -> Sample | None:
         """The newest message that nobody took yet; None if none came within the timeout, or after `wake`."""
         self._news.wait(timeout_s)
-        with self._slot:
+        with self._lock:
             sample, self._sample = self._sample, None
             return sample
+
+
+class LatestSubscriber(LatestSlot):
+    """A slot with the newest message of a key."""
+
+    def __init__(self, bus: Bus, key: str) -> None:
+        super().__init__(bus.traffic.received(key))
+        # The default handler would queue 256 stale frames instead of keeping the newest.
+        self._subscriber = DirectSubscriber(bus, key, lambda *message: self.put(Sample(*message)))
+
+    def close(self) -> None:
+        """Takes in no more."""
+        self._subscriber.close()

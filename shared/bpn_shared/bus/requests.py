@@ -74,13 +74,17 @@ class Responder(Declared):
 
     def _answer(self, query: zenoh.Query) -> None:
         with query:  # dropped at once: the asker waits for that
-            body = query.payload.to_bytes() if query.payload is not None else b""
-            self._received.add(len(body))
-            query.reply(self._key, self._reply_to(body))
+            body = self._body(query)
+            query.reply(self._key, self._outcome(lambda: self._handler(body)))
 
-    def _reply_to(self, body: bytes) -> bytes:
+    def _body(self, query: zenoh.Query) -> bytes:
+        body = query.payload.to_bytes() if query.payload is not None else b""
+        self._received.add(len(body))
+        return body
+
+    def _outcome(self, handle: Callable[[], bytes]) -> bytes:
         try:
-            return _ANSWER + self._handler(body)
+            return _ANSWER + handle()
         except (MessageError, RefusedError) as error:
             self._counters.refuse("requests_refused", f"{self._key}: {error}")
             return _REFUSAL + str(error).encode()
@@ -90,3 +94,22 @@ class Responder(Declared):
         except Exception as error:
             self._counters.fault("requests_failed", f"answering at {self._key}", error)
             return _REFUSAL + b"internal error, see the log of the answering service"
+
+
+class PatternResponder(Responder):
+    """Answers requests at all keys of a pattern.
+
+    Args:
+        handler: is told the key as well: who may ask there is for the router to say.
+    """
+
+    def __init__(
+        self, bus: Bus, pattern: str, handler: Callable[[str, bytes], bytes], counters: Counters
+    ) -> None:
+        self._handler_of_keys = handler
+        super().__init__(bus, pattern, bytes, counters)
+
+    def _answer(self, query: zenoh.Query) -> None:
+        with query:
+            body, key = self._body(query), str(query.key_expr)
+            query.reply(key, self._outcome(lambda: self._handler_of_keys(key, body)))

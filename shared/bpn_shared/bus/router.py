@@ -11,13 +11,15 @@ import zenoh
 
 from bpn_shared.backoff import Backoff
 from bpn_shared.bus.address import is_loopback
+from bpn_shared.bus.admitted import AdmittedWatch
 from bpn_shared.bus.certificates import CertificateError, CertificateFiles
 from bpn_shared.bus.endpoint import check_endpoint
 from bpn_shared.bus.obstacle import obstacle, own_obstacle, plain
 from bpn_shared.bus.renewal import CertificateWatch
-from bpn_shared.bus.router_config import SECURE_ENDPOINT, bare, secure
+from bpn_shared.bus.router_config import SECURE_ENDPOINT, admitting, at_site, bare, secure
 from bpn_shared.bus.session import DEFAULT_ENDPOINT, prepare_process
 from bpn_shared.bus.session_shares import SessionShares
+from bpn_shared.bus.upstream import UpstreamLine
 from bpn_shared.counters import Counters
 from bpn_shared.errors import InputError
 from bpn_shared.runtime.heartbeat import Heartbeat
@@ -27,8 +29,8 @@ from bpn_shared.version_option import add_version_option
 
 log = logging.getLogger("bpn_router")
 
-PERIOD_S = 5.0
-"""How often the router looks at its certificates, and whether it can be reached."""
+PERIOD_S = 2.0
+"""How often the router looks at its certificates, who is admitted, and whether it can be reached."""
 _LISTEN_S = 5.0
 _EXIT_WRONG_INPUT = 2  # as every service's; the supervisor does not try it again
 
@@ -47,7 +49,8 @@ def configure(
         config_file: a Zenoh JSON5 file; None: a router without authentication, for this machine only.
         upstream: another router, with which this one makes one bus.
         certificates: in place of a file, the folder with the router's certificates: others reach it over TLS, and
-            each role may do what the table of access says.
+            each role may do what the table of access says. One that listens for this machine alone asks nobody,
+            and shows them to the other router that it joins.
 
     Raises:
         InputError: an endpoint or the file is none, or others could reach it and it asks for no certificates.
@@ -56,9 +59,12 @@ def configure(
         files = CertificateFiles.in_folder(certificates)
         if reason := own_obstacle(files):
             raise CertificateError(f"{reason}; `bpn-certificates` makes what a router needs")
-        config = zenoh.Config.from_json5(
-            json.dumps(secure(endpoint or SECURE_ENDPOINT, PurePosixPath(certificates.absolute())))
-        )
+        folder = PurePosixPath(certificates.absolute())
+        if upstream is not None and endpoint is not None and is_local(endpoint):
+            form = at_site(upstream, folder)
+        else:
+            form = secure(endpoint or SECURE_ENDPOINT, folder)
+        config = zenoh.Config.from_json5(json.dumps(form))
     elif config_file is None:
         config = zenoh.Config.from_json5(json.dumps(bare()))
         endpoint = endpoint or DEFAULT_ENDPOINT
@@ -105,33 +111,52 @@ def is_local(endpoint: str) -> bool:
 
 
 def certificate_files(config: zenoh.Config) -> CertificateFiles | None:
-    """The files that a router of this configuration shows to its clients; None: it shows none."""
+    """The files that a router of this configuration shows to others; None: it shows none."""
     tls = json.loads(config.get_json("transport/link/tls"))
-    names = [
-        tls.get(name)
-        for name in ("root_ca_certificate", "listen_certificate", "listen_private_key")
-    ]
-    return CertificateFiles(*map(Path, names)) if all(names) else None
+    for end in ("listen", "connect"):
+        names = ("root_ca_certificate", f"{end}_certificate", f"{end}_private_key")
+        if all(files := [tls.get(name) for name in names]):
+            return CertificateFiles(*map(Path, files))
+    return None
+
+
+def upstream_of(config: zenoh.Config) -> str | None:
+    """The other router that one of this configuration joins."""
+    joined = json.loads(config.get_json("connect/endpoints"))
+    if isinstance(joined, dict):
+        joined = joined.get("router", [])
+    return joined[0] if joined else None
 
 
 def serve(
     config: zenoh.Config, stop: threading.Event, heartbeat: Heartbeat, period_s: float = PERIOD_S
 ) -> None:
-    """Routes until `stop` is set, with a new session whenever there are new certificates: Zenoh reads them once.
+    """Routes until `stop` is set, with a new session whenever there are new certificates, or others are admitted:
+    Zenoh reads both once.
 
     Raises:
         zenoh.ZError: it cannot listen.
     """
     files = certificate_files(config)
     watch = None if files is None else CertificateWatch(files)
+    rules = json.loads(config.get_json("access_control"))
+    admitted = AdmittedWatch(files.certificate.parent if files and rules["enabled"] else None)
+    line = UpstreamLine(upstream_of(config), files)
     door, ready = _own_door(endpoints(config)[0]), True
     share, counters = _share(config), Counters()
     heartbeat.ready_when(lambda: ready)
     log.info("router listens at %s", ", ".join(endpoints(config)))
     while not stop.is_set():
+        config.insert_json5("access_control", json.dumps(admitting(rules, admitted.machines)))
         with _listening(config, stop) as session, SessionShares(session, share, counters):
             while not stop.is_set():
                 ready = not obstacle(door, files, any_name=True)
+                line.look(session)
+                if admitted.changed():
+                    log.info(
+                        "%d machines are admitted: everyone connects anew", len(admitted.machines)
+                    )
+                    break
                 if watch is not None:
                     watch.warn()
                     if watch.renewed():

@@ -6,7 +6,7 @@
 
 import itertools
 import json
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import PurePosixPath
 from typing import Any, get_args
 
@@ -22,6 +22,7 @@ from bpn_shared.bus.access import (
     grants,
 )
 from bpn_shared.bus.certificates import AUTHORITY, CERTIFICATE, KEY
+from bpn_shared.bus.identity import Identity
 from bpn_shared.messages.episode import MAX_BYTES
 
 MAX_SESSIONS = 1024
@@ -74,51 +75,89 @@ def secure(endpoint: str = SECURE_ENDPOINT, certificates: PurePosixPath = CERTIF
         "enable_mtls": True,
         "close_link_on_expiration": True,
     }
-    config["access_control"] = access_control(grants())
+    config["access_control"] = access_control()
     config["low_pass_filter"] = size_limits()
     config["adminspace"] = {"enabled": True, "permissions": {"read": True, "write": False}}
     return config
 
 
-def access_control(granted: Iterable[Grant]) -> Config:
-    """Zenoh's form of the grants: deny, except one rule for each role, direction and type of message."""
+def at_site(upstream: str, certificates: PurePosixPath) -> Config:
+    """A router for the services of one machine, which passes on to another router what that one lets it.
 
-    def rule(grant: Grant) -> tuple[str, str, str]:
-        return grant.role, grant.flow, grant.message
+    Nobody on the machine is asked who they are, so it may listen for this machine alone.
+    """
+    config = bare()
+    config["connect"] = {
+        "endpoints": [upstream],
+        "timeout_ms": -1,
+        "exit_on_failure": False,
+        "retry": {"period_init_ms": 50, "period_max_ms": 1000, "period_increase_factor": 1.5},
+    }
+    config["transport"]["link"]["tls"] = {
+        "root_ca_certificate": str(certificates / AUTHORITY),
+        "connect_certificate": str(certificates / CERTIFICATE),
+        "connect_private_key": str(certificates / KEY),
+        "enable_mtls": True,
+        "verify_name_on_connect": True,
+        "close_link_on_expiration": True,
+    }
+    return config
+
+
+def access_control() -> Config:
+    """Zenoh's form of the grants: deny, except one rule for each role, direction and type of message."""
+    config: Config = {
+        "enabled": True,
+        "default_permission": "deny",
+        "rules": [],
+        "subjects": [],
+        "policies": [],
+    }
+    granted = grants()
+    for role in sorted(ROLES):
+        _admit(config, role, [grant for grant in granted if grant.role == role])
+    everything = {
+        "id": f"{ROUTER}-everything",
+        "permission": "allow",
+        "flows": get_args(Flow),
+        "messages": get_args(MessageType),
+        "key_exprs": [EVERYTHING],
+    }
+    _admit(config, ROUTER, [], [everything])
+    return config
+
+
+def admitting(config: Config, machines: Iterable[Identity]) -> Config:
+    """An access control that lets these machines do what their sites may, beside what it has."""
+    lists = ("rules", "subjects", "policies")
+    extended = config | {name: list(config.get(name) or []) for name in lists}
+    for machine in machines:
+        _admit(extended, machine.common_name, machine.grants())
+    return extended
+
+
+def _admit(
+    config: Config, name: str, granted: Iterable[Grant], more: Sequence[Config] = ()
+) -> None:
+    """Adds who has certificates of this name, and what they may do."""
+
+    def rule(grant: Grant) -> tuple[str, str]:
+        return grant.flow, grant.message
 
     rules = [
         {
-            "id": "-".join(name),
+            "id": f"{name}-{flow}-{message}",
             "permission": "allow",
-            "flows": [name[1]],
-            "messages": [name[2]],
-            "key_exprs": sorted(grant.key for grant in group),
+            "flows": [flow],
+            "messages": [message],
+            "key_exprs": sorted({grant.key for grant in group}),
         }
-        for name, group in itertools.groupby(sorted(granted), key=rule)
+        for (flow, message), group in itertools.groupby(sorted(granted, key=rule), key=rule)
     ]
-    subjects = [*ROLES, ROUTER]
-    rules.append(
-        {
-            "id": f"{ROUTER}-everything",
-            "permission": "allow",
-            "flows": get_args(Flow),
-            "messages": get_args(MessageType),
-            "key_exprs": [EVERYTHING],
-        }
-    )
-    return {
-        "enabled": True,
-        "default_permission": "deny",
-        "rules": rules,
-        "subjects": [{"id": name, "cert_common_names": [name]} for name in subjects],
-        "policies": [
-            {
-                "subjects": [name],
-                "rules": [r["id"] for r in rules if str(r["id"]).startswith(f"{name}-")],
-            }
-            for name in subjects
-        ],
-    }
+    rules += more
+    config["rules"] += rules
+    config["subjects"].append({"id": name, "cert_common_names": [name]})
+    config["policies"].append({"subjects": [name], "rules": [r["id"] for r in rules]})
 
 
 def size_limits() -> list[Config]:

@@ -87,7 +87,7 @@ class RouterWatch(Closing):
         self._outage = Outage(now_s())
         self._lock = threading.Lock()
         self._holders: dict[threading.Event, tuple[float, list[str]]] = {}
-        files = own_certificates() if certificates and bus.endpoint.startswith("tls/") else None
+        files = own_certificates() if certificates else None
         self._certificate = None if files is None else CertificateWatch(files)
         self._said: str | None = None
         self.why = ""
@@ -99,7 +99,7 @@ class RouterWatch(Closing):
 
     @property
     def certificate(self) -> Life | None:
-        """For how long the certificates are good with which the router is reached; None: without any."""
+        """For how long the certificates of this worker, or its machine's router, are good; None: none."""
         return None if self._certificate is None else self._certificate.life
 
     @contextlib.contextmanager

@@ -7,6 +7,7 @@ from bpn_shared.messages.base import MessageError, OtherVersionError
 
 SCHEMA = 2
 _ACTION = struct.Struct("<BxxxIIQQII")
+BYTES = _ACTION.size
 _OLDER = struct.Struct("<BBxxIIQII")
 """Schema 1: an action was a byte, and stood before the step."""
 

@@ -9,7 +9,10 @@ from bpn_shared.spec.algorithms import SOFTMAX, PluginName
 
 Count = Annotated[int, Field(ge=0, lt=2**32)]
 Seed = Annotated[int, Field(ge=0, lt=ULONG)]
-WorkerId = Annotated[str, Field(min_length=1, max_length=64, pattern=r"^[a-z0-9-]+$")]
+WorkerId = Annotated[
+    str, Field(min_length=1, max_length=64, pattern=r"^([a-z0-9-]+\.)?[a-z0-9-]+$")
+]
+"""With the worker's site before the dot (`bpn_shared.site`)."""
 MAX_REASON = 500
 Reason = Annotated[str, Field(max_length=MAX_REASON)]
 Version = Annotated[str, Field(max_length=64)]

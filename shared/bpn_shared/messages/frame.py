@@ -12,6 +12,7 @@ from bpn_shared.messages.base import MessageError, OtherVersionError
 
 SCHEMA = 4
 _HEADER = struct.Struct("<BBBBIIIQQQIId")
+HEADER_BYTES = _HEADER.size
 _OLDER = struct.Struct("<BBBBBxxxIIIQQIId")
 """Schema 3: an action was a byte, and stood before the success."""
 NO_ACTION = 2**64 - 1

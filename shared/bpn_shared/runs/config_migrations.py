@@ -70,10 +70,12 @@ _BEFORE_SCHEMA_3: Values = {
 
 
 _BEFORE_SCHEMA_4: Values = {
+    "beta_run_final_factor": 1.0,
     "n_step": 1,
     "gap_floor": 0.0,
     "replay_transitions": 0,
     "max_updates": 0,
+    "augment": "",
     "disturb": "",
 }
 """The same."""

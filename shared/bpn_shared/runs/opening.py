@@ -104,12 +104,30 @@ def folder_names(root: Path, name: str | PurePath = "") -> list[str]:
     return _names(root, name, "", of_files=False)
 
 
+def size_bytes(root: Path, name: str | PurePath = "") -> int:
+    """Of all files in a directory and those below it, as long as they are.
+
+    Raises:
+        OSError: as `open_folder`, or one cannot be looked at.
+    """
+    with open_folder(root, name) as folder:
+        return sum(
+            os.stat(file, dir_fd=inner, follow_symlinks=False).st_size
+            for _, _, files, inner in os.fwalk(".", dir_fd=folder, onerror=_raise)
+            for file in files
+        )
+
+
 def is_run_id(name: str) -> bool:
     """Whether a name is a run's id, in the one spelling that counts."""
     try:
         return str(UUID(name)) == name
     except ValueError:
         return False
+
+
+def _raise(error: OSError) -> None:
+    raise error
 
 
 def _names(root: Path, name: str | PurePath, suffix: str, *, of_files: bool) -> list[str]:

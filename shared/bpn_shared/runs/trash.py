@@ -25,7 +25,14 @@ from bpn_shared.errors import InputError, one_line
 from bpn_shared.runs.digests import DamagedError, seal, unseal
 from bpn_shared.runs.files import naming, write_atomically
 from bpn_shared.runs.lock import kept_from_owners
-from bpn_shared.runs.opening import file_names, folder_names, is_run_id, open_folder, read_file
+from bpn_shared.runs.opening import (
+    file_names,
+    folder_names,
+    is_run_id,
+    open_folder,
+    read_file,
+    size_bytes,
+)
 
 log = logging.getLogger(__name__)
 
@@ -176,12 +183,7 @@ class Trash:
 
     def _size_bytes(self, run: str) -> int | None:
         try:
-            with self._opened() as (_, trash):
-                return sum(
-                    os.stat(name, dir_fd=folder, follow_symlinks=False).st_size
-                    for _, _, names, folder in os.fwalk(run, dir_fd=trash, onerror=_raise)
-                    for name in names
-                )
+            return size_bytes(self._runs_dir, f"{TRASH}/{run}")
         except OSError as error:
             log.warning("how large run %s is cannot be told: %s", run, one_line(error))
             return None
@@ -225,10 +227,6 @@ class Trash:
         if run in folder_names(self._runs_dir):
             return f"run {run} is not in the trash: it is where it was"
         return f"there is no run {run}, and none in the trash"
-
-
-def _raise(error: OSError) -> None:
-    raise error
 
 
 def _move(run: str, source: int, target: int, occupied: str) -> None:

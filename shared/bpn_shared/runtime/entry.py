@@ -8,6 +8,7 @@ from dataclasses import replace
 from types import MappingProxyType
 from uuid import UUID
 
+from bpn_shared.bus.certificates import own_site
 from bpn_shared.bus.requests import Responder
 from bpn_shared.bus.router_watch import RouterLostError, RouterWatch
 from bpn_shared.bus.session import DEFAULT_ENDPOINT, Bus, BusError, prepare_process
@@ -32,6 +33,7 @@ from bpn_shared.runtime.worker import (
     fetch_config,
     service_name,
 )
+from bpn_shared.site import MAIN_SITE
 from bpn_shared.spec.config import RunConfig
 from bpn_shared.version_option import add_version_option
 
@@ -53,7 +55,13 @@ def argument_parser(kind: Role, description: str | None) -> argparse.ArgumentPar
         metavar="LABEL",
         default="",
         help="where this worker runs, such as host/core; the registry puts a robot and an edge with "
-        "equal labels together",
+        "equal labels together, or else of one host",
+    )
+    parser.add_argument(
+        "--site",
+        metavar="NAME",
+        help="the site that it is at: a robot and its edge are always of one site (default: as its certificate "
+        f"says, or {MAIN_SITE})",
     )
     return parser
 
@@ -102,11 +110,12 @@ def run_worker(
     end_with_supervisor()
     try:
         with ExitStack() as stack:
+            worker_id = new_worker_id(kind, own_site(options.site))
             heartbeat = stack.enter_context(Heartbeat(lambda: False))
             bus = stack.enter_context(Bus(options.connect, stop=stop))
             heartbeat.ready_when(lambda: bus.connected)
             process = WorkerProcess(
-                kind=kind, id=new_worker_id(kind), bus=bus, stop=stop, holds_on_s=holds_on_s
+                kind=kind, id=worker_id, bus=bus, stop=stop, holds_on_s=holds_on_s
             )
             router = stack.enter_context(RouterWatch(bus, process.waiting, process.counters))
             process = replace(process, router=router)

@@ -143,7 +143,7 @@ class LeaseLoop:
                 plugins=self._abilities.told(),
             )
             reply = process.ask(
-                keys.lease_request(),
+                keys.lease_request(process.site),
                 asked.encode(),
                 LeaseReply.decode,
                 waiting_for="the registry to give work",

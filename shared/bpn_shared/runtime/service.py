@@ -13,6 +13,7 @@ from typing import TextIO
 
 from bpn_shared.errors import one_line
 from bpn_shared.messages import log_lines
+from bpn_shared.site import MAIN_SITE, prefix_of
 from bpn_shared.version import PROTOCOL
 
 log = logging.getLogger(__name__)
@@ -20,7 +21,7 @@ log = logging.getLogger(__name__)
 SUPERVISOR_PID = "BPN_SUPERVISOR_PID"
 """Environment variable: the process without which a service shall not run."""
 
-_PROTOCOL_OF_ID = re.compile(r"[a-z-]+-p(\d{1,9})-[0-9a-f]{12}")
+_PROTOCOL_OF_ID = re.compile(r"(?:[a-z0-9-]+\.)?[a-z-]+-p(\d{1,9})-[0-9a-f]{12}")
 _PR_SET_PDEATHSIG = 1
 
 
@@ -88,12 +89,12 @@ def end_with_supervisor() -> None:
         os.kill(os.getpid(), signal.SIGTERM)
 
 
-def new_worker_id(kind: str) -> str:
+def new_worker_id(kind: str, site: str = MAIN_SITE) -> str:
     """An id for this process; a restarted worker is another worker.
 
-    It tells the protocol that the worker speaks, and so does every token that bears it.
+    It tells the worker's site and the protocol that it speaks, and so does every token that bears it.
     """
-    return f"{kind.replace('_', '-')}-p{PROTOCOL}-{uuid.uuid4().hex[:12]}"
+    return f"{prefix_of(site)}{kind.replace('_', '-')}-p{PROTOCOL}-{uuid.uuid4().hex[:12]}"
 
 
 def protocol_of(worker: str) -> int | None:

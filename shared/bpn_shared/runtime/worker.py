@@ -19,6 +19,7 @@ from bpn_shared.messages.lease import Role
 from bpn_shared.runs.config_file import decode_config
 from bpn_shared.runtime.ask import OnRefusal, ask
 from bpn_shared.runtime.telemetry import Latencies, Place, Reporter, WeightsTimeline
+from bpn_shared.site import site_of
 from bpn_shared.spec.config import ConfigError, RunConfig
 from bpn_shared.waiting import WaitStatus
 
@@ -56,6 +57,11 @@ class WorkerProcess:
     router: RouterWatch | None = None
     holds_on_s: float | None = None
     """For how long it holds on to its place without a router; None: as long as it takes."""
+
+    @property
+    def site(self) -> str:
+        """Where it is."""
+        return site_of(self.id)
 
     @contextlib.contextmanager
     def holding(self, stop: threading.Event) -> Iterator[None]:

@@ -31,6 +31,8 @@ KERNELS: dict[NetworkKind, tuple[str, ...]] = {
     "float": ("onnx",),
 }
 """Which of the project's own kernels run a network; the first is an edge's choice where nobody makes another."""
+CIRCUITS = frozenset({"rtl", "fpga"})
+"""Those of its own kernels that run the paper's network alone, of any C, N and |A|."""
 
 
 class AlgorithmSpec(BaseModel):

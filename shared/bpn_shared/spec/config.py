@@ -9,6 +9,7 @@ from pydantic import Field, ValidationError, model_validator
 from bpn_shared.errors import InputError
 from bpn_shared.spec import tasks
 from bpn_shared.spec.algorithms import (
+    CIRCUITS,
     KERNELS,
     MAX_NAME,
     NAME_PATTERN,
@@ -19,23 +20,26 @@ from bpn_shared.spec.algorithms import (
 from bpn_shared.spec.disturbances import of_scope
 from bpn_shared.spec.gym import GymOptions
 from bpn_shared.spec.installed import preset_of, task_spec
-from bpn_shared.spec.network import NetworkSpec, parse_convolutions
+from bpn_shared.spec.network import (
+    IMAGE_SIZE_PX,
+    PAPER_CONVOLUTIONS,
+    NetworkSpec,
+    parse_convolutions,
+)
 from bpn_shared.spec.renamed import called_now
 from bpn_shared.spec.sections import AlgorithmValues, ExecutionValues, TrainingValues
 from bpn_shared.spec.stopping import StopRule
 from bpn_shared.spec.tasks import TaskOptions, TaskSpec, is_gym
 
 _AS_THE_TASK = (
-    "frame_channels",
-    "frame_px",
-    "frames_stacked",
-    "frame_skip",
-    "actions",
-    "action_dims",
-)
+    "frame_channels", "frame_px", "frames_stacked", "frame_skip", "actions", "action_dims",
+)  # fmt: skip
 """Options whose 0, or nothing, is whatever the task has."""
-_OWN_KERNELS = frozenset(name for names in KERNELS.values() for name in names)
+_OWN_KERNELS = CIRCUITS.union(*KERNELS.values())
 """Of the others, only the edge that has them can say what they run."""
+
+
+_SILENT_PERIODS = 5
 
 
 class ConfigError(InputError):
@@ -118,7 +122,7 @@ class RunConfig(ExecutionValues, TrainingValues, AlgorithmValues, TaskOptions):
             raise ValueError(
                 f"algorithm = {self.algorithm!r}: its algorithm_spec is that of {spec.name!r}"
             )
-        kernels = KERNELS[spec.network]
+        kernels = (*KERNELS[spec.network], *(sorted(CIRCUITS) if spec.network == "binary" else ()))
         if self.kernel in _OWN_KERNELS and self.kernel not in kernels:
             raise ValueError(
                 f"kernel = {self.kernel!r} does not run the network of {self.algorithm!r}, which is "
@@ -135,12 +139,19 @@ class RunConfig(ExecutionValues, TrainingValues, AlgorithmValues, TaskOptions):
     @model_validator(mode="after")
     def _possible_network(self) -> Self:
         try:
-            _ = self.network
+            network = self.network
         except ValueError as error:
             size = self.task_spec.frame_px
             raise ValueError(
                 f"conv = {self.conv!r} with frames of {size} x {size}: {error}"
             ) from error
+        if self.kernel in CIRCUITS and (
+            network.convolutions != PAPER_CONVOLUTIONS or network.image_px != IMAGE_SIZE_PX
+        ):
+            raise ValueError(
+                f"kernel = {self.kernel!r} is a circuit of the paper's convolutions over {IMAGE_SIZE_PX} px, this run "
+                f"has conv = {self.conv!r} over {network.image_px} px: choose another kernel, or leave them out"
+            )
         return self
 
     @model_validator(mode="after")
@@ -196,6 +207,12 @@ class RunConfig(ExecutionValues, TrainingValues, AlgorithmValues, TaskOptions):
         return self.algorithm_spec.selection
 
     @property
+    def longest_silence_s(self) -> float:
+        """How long robot and edge may hear nothing of each other: then the one is stopped, the other asked again."""
+        realtime = self.pacing == "realtime"
+        return max(1.0, _SILENT_PERIODS * self.task_spec.control_period_s if realtime else 0.0)
+
+    @property
     def callback_names(self) -> tuple[str, ...]:
         """The callbacks of the training, in the order in which they are called; each once."""
         names = [
@@ -215,6 +232,15 @@ class RunConfig(ExecutionValues, TrainingValues, AlgorithmValues, TaskOptions):
             return 0.0
         progress = min(1.0, 2 * iteration / self.iterations)
         return self.epsilon_initial + progress * (self.epsilon_final - self.epsilon_initial)
+
+    def beta_of(self, version: int) -> float:
+        """The inverse temperature with which a weights version plays, and the update that follows it computes.
+
+        From `beta` it rises linearly to `beta_run_final_factor` times that in the last iteration.
+        """
+        last = self.iterations - 1
+        progress = min(version, last) / max(1, last)
+        return self.beta * (1 + progress * (self.beta_run_final_factor - 1))
 
     def learning_rate_share(self, iteration: int) -> float:
         """Of the learning rate, in an iteration: from 1 linearly to `lr_run_final_factor`."""

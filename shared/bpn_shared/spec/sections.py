@@ -10,9 +10,11 @@ import json
 from math import isfinite
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field
 
+from bpn_shared.errors import InputError
 from bpn_shared.spec.algorithms import MAX_NAME, NAME_PATTERN
+from bpn_shared.spec.disturbances import of_scope, parse, shown
 from bpn_shared.spec.network import (
     MAX_HIDDEN_UNITS,
     PAPER_CONVOLUTIONS,
@@ -41,6 +43,22 @@ def _options(text: str) -> str:
     return json.dumps(found, sort_keys=True) if found else ""
 
 
+def _automatic(value: object) -> object:
+    """0 stands for what is found out, and may be called by its name."""
+    return 0.0 if value == "auto" else value
+
+
+def _of_pictures(text: str) -> str:
+    try:
+        levels = parse(text)
+    except InputError as error:
+        raise ValueError(str(error)) from error
+    others = levels.keys() - of_scope(levels, "picture").keys()
+    if others:
+        raise ValueError(f"{', '.join(sorted(others))}: concerns no pictures; leave it out")
+    return shown(levels)
+
+
 def _convolutions(text: str) -> str:
     return format_convolutions(parse_convolutions(text))
 
@@ -62,6 +80,9 @@ class AlgorithmValues(BaseModel):
 
     alpha: Annotated[float, Field(ge=0, le=1, description="GIO coefficient of CVI")] = 0.95
     beta: Annotated[float, Field(gt=0, le=1e4, description="inverse temperature of CVI")] = 1.0
+    beta_run_final_factor: Annotated[
+        float, Field(ge=1, le=1e3, description="factor on it in the last iteration (linear)")
+    ] = 1.0
     gamma: Annotated[float, Field(ge=0, lt=1, description="discount factor")] = 0.99
     bootstrap_terminals: Annotated[
         bool,
@@ -136,6 +157,15 @@ class TrainingValues(BaseModel):
             description="optimizer steps of a policy update, at most; 0: C epochs",
         ),
     ] = 0
+    augment: Annotated[
+        str,
+        AfterValidator(_of_pictures),
+        Field(
+            max_length=500,
+            description="each update also fits D's pictures disturbed anew, noise=0..25,offset=-30..30 say "
+            "(docs/disturbances.md)",
+        ),
+    ] = ""
 
     hidden_units: Annotated[
         int, Field(ge=1, le=MAX_HIDDEN_UNITS, description="N, hidden units, of FC(N)")
@@ -156,10 +186,23 @@ class TrainingValues(BaseModel):
         float, Field(ge=0, le=1, description="share of it in the last iteration (linear)")
     ] = 0.1
     scale_initial: Annotated[
-        float, Field(gt=0, le=100, description="binary: lambda at the start")
+        float,
+        BeforeValidator(_automatic),
+        Field(
+            ge=0,
+            le=100,
+            description="binary: lambda at the start; 0 or auto: as the first policy is nearly uniform with",
+        ),
     ] = 0.2
     reward_scale: Annotated[
-        float, Field(gt=0, le=1e3, description="factor on rewards in pixels before learning")
+        float,
+        BeforeValidator(_automatic),
+        Field(
+            ge=0,
+            le=1e3,
+            description="factor on rewards before learning; 0 or auto: 10 over the range of the first data's "
+            "returns over n_step steps",
+        ),
     ] = 0.1
 
     init_from: Annotated[
@@ -251,7 +294,7 @@ SECTIONS: dict[str, type[BaseModel]] = {
 LEARNED = ("task", "algorithm", "training")
 """The sections that say what is learned."""
 ADDED = {
-    "algorithm": ("n_step", "gap_floor"),
-    "training": ("conv", "replay_transitions", "max_updates"),
+    "algorithm": ("beta_run_final_factor", "n_step", "gap_floor"),
+    "training": ("conv", "replay_transitions", "max_updates", "augment"),
 }
 """Values that came later, by section: their defaults are no part of a configuration's hash."""

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 # one stream for each purpose
-_EPISODE, _ACTION, _SHUFFLE, _INITIAL, _DISTURBANCE, _PIXEL, _LATENCY = range(7)
+_EPISODE, _ACTION, _SHUFFLE, _INITIAL, _DISTURBANCE, _PIXEL, _LATENCY, _AUGMENTATION = range(8)
 _BLOCK = 4
 """Numbers that Philox makes at once."""
 
@@ -61,6 +61,12 @@ def pixel_generator(episode_seed: int, step: int) -> np.random.Generator:
 def shuffle_generator(run_seed: int, iteration: int) -> np.random.Generator:
     """What shuffles D in the policy update of an iteration."""
     return _generator(_SHUFFLE, run_seed, iteration)
+
+
+def augmentation_seed(run_seed: int, iteration: int, episode: int) -> int:
+    """Seed (uint64) of what an iteration's update draws anew for the pictures of an episode of its D."""
+    of = _generator(_AUGMENTATION, run_seed, iteration, episode)
+    return int(of.integers(2**64, dtype=np.uint64))
 
 
 def initial_weights_seed(run_seed: int) -> int:

@@ -17,8 +17,8 @@ _EVALUATED = frozenset({"eval_return", "eval_success", "eval_s"})
 _ALWAYS = frozenset({
     "iteration", "attempt", "time_unix_s", "episodes", "transitions", "length", "terminated", "successes",
     "deadline_misses", "loss_first", "loss", "max_preference", "max_target", "scale", "entropy", "agreement",
-    "saturation", "epsilon",
-    "updates", "update_s", "exchange_s", "weights_version_lag", "weights_version", "collect_s", "iteration_s",
+    "reward_scale", "saturation", "epsilon", "updates", "update_s", "exchange_s", "weights_version_lag",
+    "weights_version", "collect_s", "iteration_s",
 })  # fmt: skip
 _RULE = re.compile(r"\s*([A-Za-z][\w.]*)\s*(>=|<=|>|<)\s*(\S+)\s*")
 

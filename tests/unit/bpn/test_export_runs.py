@@ -1,6 +1,9 @@
 """Exports of runs: tables and a film by their readers, a LeRobot dataset field by field against its layout."""
 
 import json
+import resource
+import signal
+from collections.abc import Iterator
 from pathlib import Path
 
 import cv2
@@ -170,3 +173,31 @@ def test_the_command_writes_every_format_and_names_the_files(
     files = json.loads(capsys.readouterr().out)
     assert files
     assert all(Path(name).stat().st_size > 0 for name in files)
+
+
+@pytest.fixture
+def small_files() -> Iterator[None]:
+    """No file may grow beyond 10 bytes, as on a disk that is full."""
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    handler = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (10, before[1]))
+    yield
+    resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    signal.signal(signal.SIGXFSZ, handler)
+
+
+@pytest.mark.parametrize("form", ["lerobot", "parquet", "csv", "c"])
+def test_what_fails_halfway_leaves_all_as_it_was(
+    run: Run,
+    tmp_path: Path,
+    form: str,
+    small_files: None,  # noqa: ARG001  (after the run is written)
+) -> None:
+    output = tmp_path / "here"
+    output.mkdir()
+    older = output / f"older.{form}"
+    if form in ("csv", "c"):
+        older.write_bytes(b"of before")
+    with pytest.raises(OSError, match=r"File too large|No space"):
+        run.export(form, older)
+    assert [path.read_bytes() for path in output.iterdir()] == [b"of before"] * older.exists()

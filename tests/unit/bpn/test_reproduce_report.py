@@ -8,7 +8,7 @@ import pytest
 from reproduced import ITERATIONS, RESULTS, made
 
 from bpn.cli import main
-from bpn.reproduce import heatmap, report
+from bpn.reproduce import averaging, heatmap, report
 from bpn.reproduce.caption import QUICK
 from bpn.reproduce.targets import TARGETS
 
@@ -166,7 +166,7 @@ def test_the_wire_time_of_an_image_is_computed_from_its_bytes() -> None:
 def test_robustness_has_a_line_for_each_level_and_a_column_for_each_training() -> None:
     table = TARGETS["robustness"].table(made("robustness"))
     lines = [line for line in table.splitlines() if line.startswith("|")]
-    assert "BPN, disturbed" in lines[0]
+    assert "BPN, augmented" in lines[0]
     assert [cell.strip() for cell in lines[-1].strip("|").split("|")] == [
         "noise=25",
         "0",
@@ -175,3 +175,13 @@ def test_robustness_has_a_line_for_each_level_and_a_column_for_each_training() -
         "75",
     ]
     assert "noise=0..30" in table
+
+
+def test_averaging_has_a_line_for_each_error_and_a_column_for_each_update() -> None:
+    lines = [
+        [cell.strip() for cell in line.strip("|").split("|")]
+        for line in TARGETS["averaging"].table(made("averaging")).splitlines()
+        if line.startswith("|")
+    ]
+    assert lines[0] == ["error added to y", *averaging.UPDATES]
+    assert [line[1] for line in lines[2:]] == ["-81.0"] * 5 + ["-95.0 (-100.0 to -90.0)"] * 8

@@ -5,6 +5,7 @@ import gzip
 import hashlib
 import io
 import json
+import re
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -17,6 +18,7 @@ from fastapi.testclient import TestClient
 from paper import TASKS
 
 from bpn_dashboard.api import problems
+from bpn_dashboard.api.app import create_app
 from bpn_dashboard.api.files import file_response
 from bpn_dashboard.api.static import ui_routes
 from bpn_robot_sim.pan_tilt import geometry as pan_tilt
@@ -332,7 +334,7 @@ def ui(tmp_path) -> TestClient:
 
 
 def test_the_uis_files_are_cached_as_long_as_they_are_good(ui) -> None:
-    page = ui.get("/runs/some-id?tab=logs", headers={"Accept": "text/html"})
+    page = ui.get("/?page=run", headers={"Accept": "text/html"})
     assert (page.text, page.headers["cache-control"]) == ("<!doctype html>app", "no-cache")
     plain = ui.get("/assets/app-1a2b.js", headers={"Accept-Encoding": "identity"})
     assert plain.text == "code"
@@ -344,6 +346,36 @@ def test_the_uis_files_are_cached_as_long_as_they_are_good(ui) -> None:
         "/favicon.svg", headers={"If-None-Match": ui.get("/favicon.svg").headers["etag"]}
     )
     assert again.status_code == 304
+
+
+@pytest.mark.parametrize(
+    ("path", "home"),
+    [
+        ("/nonsense", "./?page=nonsense"),
+        ("/runs/some-id?tab=logs", "../?page=runs"),
+        ("/runs/", "../?page=runs"),
+        ("/%22%3E/a/b", "../../?page=%22%3E"),
+    ],
+)
+def test_an_address_that_is_none_leads_to_the_page(ui, path: str, home: str) -> None:
+    """Relative to itself, so that it does whatever a proxy has put before it."""
+    answer = ui.get(path, headers={"Accept": "text/html"}, follow_redirects=False)
+    assert (answer.status_code, answer.headers["location"]) == (302, home)
+
+
+def test_behind_a_path_all_is_found_with_and_without_it(context) -> None:
+    app = TestClient(
+        create_app(context, prefix="/labs/bpn"),
+        base_url="http://localhost:8000",
+    )
+    for path in ("/", "/labs/bpn", "/labs/bpn/"):
+        page = app.get(path, headers={"Accept": "text/html"})
+        assert (page.status_code, '<base href="/labs/bpn/" />' in page.text) == (200, True)
+        assert "base-uri 'self'" in page.headers["content-security-policy"]
+        asset = re.findall(r'src="\./(assets/[^"]+)"', page.text)[0]
+    for found in (f"/{asset}", f"/labs/bpn/{asset}", "/labs/bpn/healthz", "/healthz"):
+        assert app.get(found).status_code == 200
+    assert app.get("/labs/bpnx/healthz", follow_redirects=False).status_code == 302
 
 
 @pytest.mark.parametrize(

@@ -70,10 +70,31 @@ def test_bytes_hold_all(points) -> None:
         np.testing.assert_array_equal(getattr(buckets, name), getattr(again, name))
 
 
-def test_what_is_not_a_number_is_left_out() -> None:
-    buckets = bucketize(np.arange(4.0), np.array([np.nan, 1.0, np.nan, np.nan]), 2)
-    assert buckets.x.tolist() == [0.0]
-    assert buckets.n.tolist() == [1.0]
+@given(series(), st.data(), widths)
+def test_what_is_not_a_number_counts_nowhere_and_leaves_a_hole(points, data, width) -> None:
+    x, y = points
+    gone = np.array(data.draw(st.lists(st.booleans(), min_size=len(x), max_size=len(x))))
+    holed = bucketize(x, np.where(gone, np.nan, y), width)
+    numbers = bucketize(x[~gone], y[~gone], width)
+    assert holed.x.tolist() == bucketize(x, y, width).x.tolist()
+    full = holed.n > 0
+    for name in ("x", "n", "min", "max", "last", "sum"):
+        np.testing.assert_array_equal(getattr(holed, name)[full], getattr(numbers, name))
+        if name not in ("x", "n"):
+            assert np.isnan(getattr(holed, name)[~full]).all()
+
+
+@given(series(), st.data())
+def test_points_at_one_x_share_a_bucket_and_keep_their_extremes(points, data) -> None:
+    _, y = points
+    at = sorted(data.draw(st.lists(st.integers(0, 5), min_size=len(y), max_size=len(y))))
+    buckets = bucketize(np.array(at, float), y)
+    assert buckets.x.tolist() == sorted(set(at))
+    assert buckets.n.sum() == len(y)
+    for k, x in enumerate(buckets.x):
+        inside = y[np.array(at) == x]
+        assert (buckets.min[k], buckets.max[k]) == (inside.min(), inside.max())
+        assert buckets.last[k] == inside[-1]
 
 
 @given(st.floats(0, 1e9), st.integers(1, 4000))

@@ -3,6 +3,7 @@
 import json
 import os
 import shutil
+import time
 from pathlib import Path
 from uuid import UUID
 
@@ -15,6 +16,7 @@ from bpn_dashboard.registry.store import RunStore
 from bpn_dashboard.series.ingest import Ingest
 from bpn_shared.counters import Counters
 from bpn_shared.runs.folder import RunFolder
+from bpn_shared.runs.state import encode_state
 from bpn_shared.spec.config import RunConfig
 
 CONFIG = RunConfig.for_task("reaching", seed=3, hidden_units=24)
@@ -178,3 +180,34 @@ def test_nobody_changes_what_another_dashboard_serves(
     assert client.get("/readyz").json()["detail"] == sentence
     context.ingest.close()
     assert client.get(f"/api/v1/runs/{row.id}").status_code == 200
+
+
+def test_a_copied_run_changed_when_its_state_says(store: RunStore) -> None:
+    """Not when it was copied; and a run of a clock that goes fast is no newer than now."""
+    folder = RunFolder.create(store.runs_dir, GOOD, CONFIG)
+    told = folder.state()
+    (folder.path / "state.json").write_bytes(
+        encode_state(told.model_copy(update={"created_unix_s": 1e9, "updated_unix_s": 1.5e9}))
+    )
+    early = RunFolder.create(store.runs_dir, ODD, CONFIG)
+    ahead_s = time.time() + 86_400.0
+    ahead = told.model_copy(update={"created_unix_s": ahead_s, "updated_unix_s": ahead_s})
+    (early.path / "state.json").write_bytes(encode_state(ahead))
+    store.adopt()
+    copied, future = store.get(str(GOOD)), store.get(str(ODD))
+    assert (copied.created_at, copied.updated_at) == (1e9, 1.5e9)
+    assert future.created_at <= time.time() >= future.updated_at
+    assert store.changed_folders() == []  # nothing is news
+
+
+def test_an_iteration_without_a_number_counts_and_has_none(store: RunStore) -> None:
+    """A learning that diverged goes on: nothing is shown that was true some iterations ago."""
+    folder = RunFolder.create(store.runs_dir, GOOD, CONFIG)
+    for iteration, value in enumerate([-5.0, -3.0, None]):
+        folder.append_metrics(
+            RECORD | {"iteration": iteration, "return_px": value, "length": value}
+        )
+    store.adopt()
+    run = store.get(str(GOOD))
+    assert (run.iteration, run.return_best) == (3, -3.0)
+    assert (run.return_last, run.return_mean_last_5, run.length_last) == (None, None, None)

@@ -120,3 +120,19 @@ def test_a_worker_whose_token_tells_another_protocol_is_named_while_it_is_there(
     )
     refusals.gone(other)
     assert refusals.current(1e6) == []
+
+
+def test_who_is_missing_beside_a_partner_is_missing_at_its_site() -> None:
+    book = book_of(Demand(A, 3))
+    book.appeared(Place(A, "learner", 0), "l0", 0.0)
+    book.appeared(Place(A, "robot_sim", 0), "lab-b.r0", 0.0)
+    book.appeared(Place(A, "robot_sim", 1), "r1", 0.0)
+    for worker in ("e0", "e1", "lab-c.e2"):
+        book.candidates("edge", worker, "", 0.0)
+    lacking = around(A, book, Queue.of(book), Setbacks(), now_s=0.0).lacking
+    assert lacking == (
+        "1 robot missing: 0 connected and idle",
+        "1 edge missing at site lab-b: 0 connected and idle there, 3 at other sites",
+        "1 edge missing at site main: 2 connected and idle there, 1 at other sites",
+        "1 edge missing: 3 connected and idle",
+    )

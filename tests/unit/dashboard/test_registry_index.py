@@ -64,7 +64,7 @@ def columns(row: RunRow | SweepRow) -> dict[str, Any]:
     return {
         column.key: getattr(row, column.key)
         for column in row.__table__.columns
-        if column.key != "updated_at"  # when the row was written, not the folder
+        if column.key not in ("updated_at", "folder_at")  # when row and folder were written
     }
 
 

@@ -7,7 +7,9 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from bpn_dashboard.database.engine import Database, sqlite_url
+from bpn_dashboard.database.series_tables import MetricRow
 from bpn_dashboard.database.tables import AuditRow, RunRow
+from bpn_dashboard.registry.columns import OWN
 from bpn_dashboard.registry.errors import (
     FilterError,
     RunBusyError,
@@ -16,7 +18,7 @@ from bpn_dashboard.registry.errors import (
     UnknownRunError,
     UnknownSweepError,
 )
-from bpn_dashboard.registry.query import SORT_KEYS, RunFilter
+from bpn_dashboard.registry.query import RunFilter
 from bpn_dashboard.registry.store import RunStore
 from bpn_dashboard.registry.workplace import ConnectedWorkers
 from bpn_shared.runs.folder import RunFolder
@@ -143,7 +145,8 @@ def fill(database: Database, returns: list[tuple[float | None, str]], prefix: st
             session.add(
                 RunRow(
                     id=f"{prefix}-{number:06d}", name=name, task="reaching", algorithm="bpn",
-                    seed=number, config=CONFIG.model_dump(), config_hash="", state="finished",
+                    seed=number, config=CONFIG.model_dump() | {"alpha": number % 4 / 4},
+                    config_hash="", state="finished",
                     desired_state="running", attempt=1, iteration=number % 7, iterations=50,
                     weights_version=None, return_last=value, return_best=value, error="",
                     return_mean_last_5=value, length_last=None, notes="", tags=[],
@@ -151,12 +154,25 @@ def fill(database: Database, returns: list[tuple[float | None, str]], prefix: st
                     updated_at=0.0, rev=1,
                 )
             )  # fmt: skip
+            session.add(
+                MetricRow(
+                    run_id=f"{prefix}-{number:06d}", name="loss", n=1, first=0, last=0, revision=0,
+                    mean_5=value,
+                )
+            )  # fmt: skip
+
+
+def value_of(row: RunRow, column: str) -> Any:
+    """What `fill` gave a row in that column."""
+    if column.startswith("metric."):
+        return row.return_last
+    return row.config["alpha"] if column == "config.alpha" else getattr(row, column, None)
 
 
 @settings(max_examples=40, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     returns=summaries,
-    sort=st.sampled_from(list(SORT_KEYS)),
+    sort=st.sampled_from([*OWN, "config.alpha", "metric.loss.mean_5"]),
     descending=st.booleans(),
     limit=st.integers(1, 7),
     inserted=summaries,
@@ -185,7 +201,7 @@ def test_pages_show_each_run_once_in_order_whatever_is_inserted_meanwhile(
     assert len({row.id for row in seen}) == len(seen)
     old = [row for row in seen if row.id.startswith("old")]
     assert len(old) == len(returns)
-    keys = [(getattr(row, sort), row.id) for row in seen]
+    keys = [(value_of(row, sort), row.id) for row in seen]
     present = [key for key in keys if key[0] is not None]
     assert keys[: len(present)] == present  # without a value: last
     assert present == sorted(present, reverse=descending)
@@ -196,7 +212,7 @@ def test_pages_show_each_run_once_in_order_whatever_is_inserted_meanwhile(
 def three(store: RunStore) -> dict[str, str]:
     """Runs that differ in everything, by name."""
     made = [
-        store.create(CONFIG, name="Straße", notes="with 100%", tags=["best"], actor="a"),
+        store.create(CONFIG, name="Straße", notes="with 100%", tags=["best", "größe"], actor="a"),
         store.create(RunConfig.for_task("tracking", alpha=0.5), name="two", actor="a"),
         store.create(RunConfig.for_task("tracking", algorithm="bqn"), name="three", actor="a"),
     ]
@@ -212,6 +228,13 @@ def three(store: RunStore) -> dict[str, str]:
         (RunFilter(search="%"), {"Straße"}),
         (RunFilter(search="best"), {"Straße"}),
         (RunFilter(search="TWO"), {"two"}),
+        (RunFilter(search="STRASSE"), {"Straße"}),
+        (RunFilter(search="GRÖSSE"), {"Straße"}),
+        (RunFilter(search="gro\u0308ße"), {"Straße"}),  # as another keyboard writes the ö
+        (RunFilter(search="größe with stra"), {"Straße"}),
+        (RunFilter(search="größe two"), set()),
+        (RunFilter(search="["), set()),
+        (RunFilter(search='"'), set()),
         (RunFilter(task="tracking"), {"two", "three"}),
         (RunFilter(task="tracking", algorithm="bqn"), {"three"}),
         (RunFilter(states=("queued", "failed")), {"Straße", "two", "three"}),
@@ -233,7 +256,7 @@ def test_filters(store: RunStore, three: dict[str, str], runs: RunFilter, names:
 @pytest.mark.parametrize(
     ("runs", "sort", "message"),
     [
-        (RunFilter(), "colour", "sort = 'colour' is unknown; one of: created_at"),
+        (RunFilter(), "colour", "'colour' is no column; there are created_at"),
         (RunFilter(config={"colour": "1"}), "name", "config.colour is unknown; one of: task"),
         (RunFilter(config={"alpha": "x"}), "name", "config.alpha = 'x': Input should be a valid"),
     ],

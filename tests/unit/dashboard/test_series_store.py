@@ -127,7 +127,7 @@ def test_lines_become_series_with_nested_names() -> None:
         "returns_px": [1.0], "weights_sha256": "ab", "edge": {"inference_us": {"p50": 5.5}},
     }  # fmt: skip
     columns, errors = parse_lines(json.dumps(record).encode() + b"\nnonsense\n[1]\n")
-    assert sorted(columns) == ["edge.inference_us.p50", "failures", "gap", "loss", "ok"]
+    assert sorted(columns) == ["attempt", "edge.inference_us.p50", "failures", "gap", "loss", "ok"]
     assert columns["edge.inference_us.p50"].steps.tolist() == [3]
     assert np.isnan(columns["gap"].values[0])
     assert len(errors) == 2
@@ -202,20 +202,79 @@ def test_a_sparse_metric_is_not_bucketed(database) -> None:
     assert series.curve.x.tolist() == list(sparse)
 
 
-@pytest.mark.parametrize("axis", ["wall_s", "transitions"])
-def test_other_axes_place_points_by_their_iteration(database, axis) -> None:
+@pytest.mark.parametrize(
+    ("axis", "x", "inside"),
+    [
+        ("wall_s", [2, 5, 12], [5, 6, 7]),
+        ("process_s", [2, 5, 6], [5, 6, 7]),
+        ("transitions", [200, 400, 500], [5, 6]),
+    ],
+)
+def test_other_axes_place_points_by_their_iteration(database, axis, x, inside) -> None:
+    """The first iteration took time, too; and a pause is none of the time that a run was worked on."""
     columns = {
         "loss": Points.written([0, 1, 2], [5.0, 6.0, 7.0]),
         "time_unix_s": Points.written([0, 1, 2], [100.0, 103.0, 110.0]),
+        "iteration_s": Points.written([0, 1, 2], [2.0, 3.0, 1.0]),
         "transitions": Points.written([0, 1, 2], [200.0, 200.0, 100.0]),
     }
     with database.writing() as session:
         store.append(session, RUN, columns)
     curve = query(database, [RUN], "loss", View(axis=axis)).curve
     part = query(database, [RUN], "loss", View(axis=axis, range=(2, 450))).curve
-    assert curve.x.tolist() == {"wall_s": [0, 3, 10], "transitions": [200, 400, 500]}[axis]
+    assert curve.x.tolist() == x
     assert curve.value.tolist() == [5, 6, 7]
-    assert part.value.tolist() == {"wall_s": [6, 7], "transitions": [5, 6]}[axis]
+    assert part.value.tolist() == inside
+
+
+def test_a_clock_that_was_set_back_loses_no_point(database) -> None:
+    """An hour back at iteration 50: what comes then took as long as it says, and nothing stands upon another."""
+    n = 100
+    times = [1e9 + 10.0 * i - (3600.0 if i >= 50 else 0.0) for i in range(n)]
+    values = [float((7 * i) % n) for i in range(n)]
+    with database.writing() as session:
+        store.append(
+            session,
+            RUN,
+            {
+                "loss": Points.written(range(n), values),
+                "time_unix_s": Points.written(range(n), times),
+                "iteration_s": Points.written(range(n), [10.0] * n),
+            },
+        )
+    series = query(database, [RUN], "loss", View(axis="wall_s"))
+    assert series.curve.x.tolist() == [10.0 * (i + 1) for i in range(n)]
+    assert series.curve.value.tolist() == values
+    # Where no iteration says how long it took, points share a place, and none of their extremes is lost.
+    with database.writing() as session:
+        store.forget(session, RUN)
+        store.append(
+            session,
+            RUN,
+            {
+                "loss": Points.written(range(n), values),
+                "time_unix_s": Points.written(range(n), times),
+            },
+        )
+    series = query(database, [RUN], "loss", View(axis="wall_s"))
+    assert (series.n_points, series.curve.min.min(), series.curve.max.max()) == (n, 0.0, n - 1.0)
+
+
+@pytest.mark.parametrize("max_points", [1000, 10])
+def test_a_hole_in_a_series_is_seen_as_one(database, max_points: int) -> None:
+    values = [float("nan") if 400 <= i < 700 else 1.0 for i in range(1000)]
+    other = RUN.replace("0", "1")
+    with database.writing() as session:
+        for run in (RUN, other):
+            store.append(session, run, {"loss": Points.written(range(1000), values)})
+    for runs in ([RUN], [RUN, other]):
+        curve = query(database, runs, "loss", View(max_points=max_points)).curve
+        inside = (curve.x >= 400) & (curve.x < 576)  # a whole bucket, however wide
+        assert inside.any()
+        assert np.isnan(curve.value[inside]).all()
+        assert np.isnan(curve.last[inside]).all()
+        assert (curve.n[inside] == 0).all()
+        assert curve.value[-1] == 1.0
 
 
 def test_groups_do_not_depend_on_order_or_on_who_has_no_points(database) -> None:

@@ -164,7 +164,7 @@ def test_hops_of_one_clock_are_measured_and_of_two_are_halved_with_the_doubt(
     frame, action = link(topology, "frame").latency, link(topology, "action").latency
     assert frame is not None
     assert action is not None
-    assert (frame.p50_us, frame.p99_us, frame.uncertainty_us) == (100, 300, 0)
+    assert (frame.p50_us, frame.p95_us, frame.p99_us, frame.uncertainty_us) == (100, 300, 300, 0)
     assert (action.p50_us, action.p99_us, action.uncertainty_us) == (80, 200, 0)
     topology.hear(report("edge", clock="boot-2", traffic=edge_traffic, latencies=latencies))
     for topic in ("frame", "action"):
@@ -195,7 +195,7 @@ def test_the_way_of_weights_is_measured_once_per_version_and_edge(topology: Topo
     topology.hear(edge(2, 92 * S + 4_000_000))
     both = link(topology, "weights").latency
     assert both is not None
-    assert (both.count, both.p50_us, both.p99_us) == (2, 3000.0, 4000.0)
+    assert (both.count, both.p50_us, both.p95_us, both.p99_us) == (2, 3000.0, 4000.0, 4000.0)
     # an edge that began later did not get them on their way
     topology.token(keys.live("edge", "edge-1"), False)
     young = edge(2, 99 * S, uptime_s=2.0).model_copy(update={"worker": "edge-2"})

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from bpn_edge.fpga import verilated
 from bpn_edge.fpga.mapped import MappedCore
 from bpn_edge.fpga.serial import SerialCore, Tty
 from bpn_edge.fpga.transport import Transport
@@ -44,6 +45,21 @@ def test_a_serial_core_leaves_no_file_open(line: str, closed: bool) -> None:
 def test_an_address_beyond_all_memory_is_refused(device: Path) -> None:
     with pytest.raises(ConfigError, match="cannot map"):
         MappedCore(str(device), 1 << 80)
+
+
+def test_models_that_nobody_used_for_long_are_removed(tmp_path: Path) -> None:
+    """The newest stay; so does what is being made, and goes what was left by a process that is no more."""
+    for number in range(40):
+        (tmp_path / f"{number}.so").touch()
+        os.utime(tmp_path / f"{number}.so", (number, number))
+    (tmp_path / ".making-now").mkdir()
+    (tmp_path / ".making-then/deep").mkdir(parents=True)
+    os.utime(tmp_path / ".making-then", (0, 0))
+    verilated.prune(tmp_path)
+    assert {path.name for path in tmp_path.iterdir()} == {
+        ".making-now",
+        *(f"{number}.so" for number in range(8, 40)),
+    }
 
 
 def _leaves_none(make: Callable[[], Transport], path: str, *, closed: bool) -> None:

@@ -3,11 +3,14 @@
 import subprocess
 import sys
 from itertools import permutations
+from pathlib import Path
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from bpn_edge.fpga import connected, verilated
+from bpn_edge.kernel import usable_kernels
 from bpn_edge.kernel.choice import choose_kernel, kernels_here
 from bpn_shared.errors import InputError
 from bpn_shared.spec.config import ConfigError
@@ -72,3 +75,26 @@ def test_a_kernel_that_runs_no_such_network_is_refused_before_weights_come() -> 
         ConfigError, match="kernel = 'rtl' runs binary networks, the run's is float"
     ):
         choose_kernel("rtl", "float", ())
+
+
+def test_a_circuit_is_named_only_where_there_is_what_it_needs(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """An edge says which kernels it can use; a run that asks for one of them goes there."""
+    monkeypatch.setattr(connected, "UIO", tmp_path)
+    monkeypatch.delenv(connected.WHERE, raising=False)
+    monkeypatch.setenv(verilated.CACHE, str(tmp_path / "models"))
+    monkeypatch.setattr(verilated.importlib.util, "find_spec", lambda _: None)
+    monkeypatch.setattr(verilated.shutil, "which", lambda _: None)
+    assert not {"rtl", "fpga"} & set(usable_kernels())
+    monkeypatch.setattr(verilated.shutil, "which", lambda name: f"/usr/bin/{name}")
+    assert "rtl" in usable_kernels()
+    (tmp_path / "uio0").mkdir()
+    (tmp_path / "uio0/name").write_text("other\n")
+    assert "fpga" not in usable_kernels()
+    (tmp_path / "uio0/name").write_text("bpn\n")
+    assert "fpga" in usable_kernels()
+    monkeypatch.setenv(connected.WHERE, f"{tmp_path / 'mem'}@0xA0000000")
+    assert "fpga" not in usable_kernels()
+    (tmp_path / "mem").touch()
+    assert "fpga" in usable_kernels()

@@ -3,7 +3,14 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from bpn_edge.policy import epsilon_greedy_action, softmax_action, softmax_weights
+from bpn_edge.policy import (
+    epsilon_greedy_action,
+    softmax,
+    softmax_action,
+    softmax_weights,
+)
+from bpn_shared.messages.control import Assignment
+from bpn_shared.spec.config import RunConfig
 
 outputs = hnp.arrays(np.int32, st.integers(2, 64), elements=st.integers(-1024, 1024))
 uniforms = st.floats(0, 1, exclude_max=True)
@@ -41,6 +48,17 @@ def test_a_number_next_to_one_gives_the_last_action_that_is_drawn_at_all(o: np.n
     action = softmax_action(o, 0.1, 1.0, np.nextafter(1, 0))
     cdf = np.cumsum(softmax_weights(o, 0.1, 1.0))
     assert action == len(o) - 1 or cdf[action] >= cdf[-1] * (1 - 1e-15 * len(o))
+
+
+@given(outputs, scales, uniforms, st.integers(0, 9))
+def test_an_episode_is_played_at_the_beta_of_its_weights_version(
+    o: np.ndarray, scale: float, uniform: float, version: int
+) -> None:
+    """Whatever its iteration is called: an evaluation's is none of the run's."""
+    config = RunConfig.bare("reaching", iterations=9, beta=0.5, beta_run_final_factor=5)
+    assignment = Assignment(status="play", iteration=2**31 + version, weights_version=version)
+    expected = softmax_action(o, scale, 0.5 + 2 * min(version, 8) / 8, uniform)
+    assert softmax(config, assignment, scale)(o, uniform) == expected
 
 
 @given(outputs, st.floats(0, 1), uniforms)

@@ -48,9 +48,9 @@ def test_the_batch_is_of_no_importance(
     generator = torch.Generator().manual_seed(seed)
     network = BinaryNetwork(spec, scale_initial=1.0, generator=generator)
     D = torch.randint(256, (count, *spec.observation_shape), generator=generator).to(torch.uint8)
-    reestimate_batch_norm(network, D)
+    reestimate_batch_norm(network, [D])
     mean, var = network.mean.clone(), network.var.clone()
-    reestimate_batch_norm(network, D.flip(0), batch)
+    reestimate_batch_norm(network, D.flip(0).split(batch))
     assert torch.equal(network.mean, mean)
     assert torch.equal(network.var, var)
 
@@ -67,4 +67,4 @@ def test_nothing_to_estimate_from_is_said() -> None:
     network = BinaryNetwork(spec, scale_initial=1.0, generator=torch.Generator())
     empty = torch.zeros((0, *spec.observation_shape), dtype=torch.uint8)
     with pytest.raises(ValueError, match="at least 1 observation to estimate from, got 0"):
-        reestimate_batch_norm(network, empty)
+        reestimate_batch_norm(network, [empty])

@@ -25,13 +25,14 @@ from minibatches import (
 from torch import Tensor
 
 from bpn_learner.factory import initial_policy
+from bpn_learner.gathering import RegressionBatch
 from bpn_learner.group import SINGLE_PROCESS, DistributedGroup, Group, GroupLostError
 from bpn_learner.handout import broadcast_state, receive_state
 from bpn_learner.minibatch import minibatch_gradients
 from bpn_learner.networks import PNetwork
 from bpn_learner.rendezvous import connect, open_store
 from bpn_learner.transitions import EpisodeData, Transitions
-from bpn_learner.update import RegressionBatch, UpdateConfig, fit, policy_update
+from bpn_learner.update import UpdateConfig, fit, policy_update
 from bpn_shared.spec.config import RunConfig
 from bpn_shared.spec.network import NetworkSpec
 from bpn_shared.spec.sections import Backend

@@ -213,3 +213,17 @@ def test_fast_is_the_kernel_and_plain_is_autograd(
     assert isinstance(fast, float)
     assert isinstance(plain, Tensor)
     assert fast == pytest.approx(float(plain), rel=1e-5)
+
+
+@settings(max_examples=20, derandomize=True)
+@given(spec=geometries(range(1, 17), 130, 40) | shapes(), seed=st.integers(0, 1000))
+def test_ways_to_count_bits_give_one_result(spec: NetworkSpec, seed: int) -> None:
+    pixels, actions, y = data(spec, seed)
+    network, batch = binary_network(spec, seed), torch.arange(TRANSITIONS)
+    avx512 = [path for path in PATHS if path in {"avx512-vnni", "cascade-lake"}]
+    found = [
+        named_gradients(network, native_gradients(network, pixels, actions, y, path=path), batch)
+        for path in (avx512 or PATHS[:1])
+    ]
+    for name, gradient in found[0].items():
+        assert all(torch.equal(gradient, other[name]) for other in found), name

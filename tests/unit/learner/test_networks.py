@@ -109,9 +109,9 @@ def test_the_generator_alone_decides_the_initial_weights() -> None:
 def test_reestimation_does_not_depend_on_batches_or_order(batch: int, seed: int) -> None:
     observations = images(6, seed)
     reference, network = binary_network(seed), binary_network(seed)
-    reestimate_batch_norm(reference, observations, batch_size=6)
+    reestimate_batch_norm(reference, observations.split(6))
     order = torch.randperm(6, generator=torch.Generator().manual_seed(seed))
-    reestimate_batch_norm(network, observations[order], batch_size=batch)
+    reestimate_batch_norm(network, observations[order].split(batch))
     assert torch.equal(network.mean, reference.mean)
     assert torch.equal(network.var, reference.var)
 
@@ -122,7 +122,7 @@ def test_reestimated_statistics_are_those_of_the_evaluated_integers() -> None:
     network.gamma.data.normal_(generator=generator)
     network.beta.data.normal_(generator=generator)
     observations = images(30)
-    reestimate_batch_norm(network, observations, batch_size=7)
+    reestimate_batch_norm(network, observations.split(7))
     outputs = [o.double() for o in network.integers(observations.float())[:-1]]
     mean = torch.cat([o.mean(dim=(0, 2, 3)) for o in outputs])
     var = torch.cat([o.var(dim=(0, 2, 3), correction=0) for o in outputs])
@@ -132,7 +132,7 @@ def test_reestimated_statistics_are_those_of_the_evaluated_integers() -> None:
 
 def test_reestimation_needs_an_observation() -> None:
     with pytest.raises(ValueError, match="at least 1 observation"):
-        reestimate_batch_norm(binary_network(), images(0))
+        reestimate_batch_norm(binary_network(), [images(0)])
 
 
 def test_the_float_network_has_the_geometry_and_no_limit() -> None:

@@ -242,7 +242,7 @@ def test_the_updated_network_folds_exactly_and_its_latent_weights_are_clipped() 
     assert network.latent.abs().max() <= 1
     blob = fold(network)
     data = transitions()
-    P = preferences(network, data.gather(data.observations)).numpy()
+    P = preferences(network, [data.gather(data.observations)]).numpy()
     frames = data.frames[data.observations[:, 0]].numpy()
     for i, frame in enumerate(frames):
         o = golden.forward(blob, frame)[-1].astype(np.float32)

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 import torch
 
+from bpn_learner.gathering import RegressionBatch
 from bpn_learner.networks import BinaryNetwork
 from bpn_learner.transitions import EpisodeData, Transitions
 from bpn_learner.update import (
     EVALUATION_BATCH,
-    RegressionBatch,
     UpdateConfig,
     fit,
     make_optimizer,
@@ -27,7 +27,7 @@ NO_DEFAULT = RunConfig.bare(
     replay_iterations=5, alpha=0.4, beta=2.5, gamma=0.7, bootstrap_terminals=False, relative_targets=True,
     epsilon_initial=0.9, epsilon_final=0.2, hidden_units=12, learning_rate=0.02, lr_update_final_factor=0.3,
     lr_run_final_factor=0.5, scale_initial=0.4, reward_scale=0.3, backend="torch", n_step=3, gap_floor=6.0,
-    max_updates=70,
+    max_updates=70, beta_run_final_factor=3.0,
 )  # fmt: skip
 
 
@@ -54,7 +54,7 @@ def regression(steps: int) -> RegressionBatch:
 def test_the_configuration_reaches_the_update_in_every_field() -> None:
     assert UpdateConfig.of_iteration(NO_DEFAULT, 4) == UpdateConfig(
         alpha=0.4,
-        beta=2.5,
+        beta=4.5,  # 2.5, 3 times that in the 11th
         gamma=0.7,
         epochs=4,
         batch_size=6,
@@ -169,4 +169,7 @@ def test_the_network_is_left_as_it_is_released() -> None:
     policy_update(found, make_optimizer(found, 1e-3), data, settings, np.random.default_rng(0))
     assert not found.training
     seen = data.gather(data.observations)
-    assert torch.equal(preferences(found, seen), torch.cat([found(s[None].float()) for s in seen]))
+    assert torch.equal(
+        preferences(found, seen.split(EVALUATION_BATCH)),
+        torch.cat([found(s[None].float()) for s in seen]),
+    )

@@ -20,7 +20,7 @@ CONTENT_SECURITY_POLICY = "; ".join(
         "default-src 'self'",
         "img-src 'self' blob: data:",
         "object-src 'none'",
-        "base-uri 'none'",
+        "base-uri 'self'",
         "form-action 'self'",
         "frame-ancestors 'none'",
     )
@@ -54,6 +54,7 @@ class Guard:
 
     Args:
         hosts: names by which the dashboard is reached, beside those of loopback.
+        prefix: a path below which it is found, too, as by a proxy that passes it on; without a slash at its end.
         connections: is told how far requests have come; None: of a server without limits.
         max_body_bytes: of a request that says its length; the application bounds the others.
     """
@@ -63,11 +64,13 @@ class Guard:
         app: ASGIApp,
         hosts: Iterable[str] = (),
         *,
+        prefix: str = "",
         connections: Connections | None = None,
         max_body_bytes: int = MAX_BODY_BYTES,
     ) -> None:
         self.app = app
         self._connections = connections
+        self._prefix = prefix
         self._max_body_bytes = max_body_bytes
         self._hosts = frozenset(host.lower() for host in (*_LOOPBACK_NAMES, *hosts))
 
@@ -76,6 +79,8 @@ class Guard:
             await self.app(scope, receive, send)
             return
         headers = Headers(scope=scope)
+        if self._prefix and f"{scope['path']}/".startswith(f"{self._prefix}/"):
+            scope = {**scope, "path": scope["path"].removeprefix(self._prefix) or "/"}
         if self._connections is not None:
             receive, send = _within_limits(scope, headers, receive, send, self._connections)
         request_id = uuid.uuid4().hex  # ours: who reads logs must be able to trust it

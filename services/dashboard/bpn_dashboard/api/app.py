@@ -10,10 +10,13 @@ from bpn_dashboard.access.connections import Connections
 from bpn_dashboard.access.guard import MAX_BODY_BYTES, Guard
 from bpn_dashboard.api import (
     artefacts,
+    comparison,
     episodes,
     logs,
+    overviews,
     problems,
     prometheus,
+    queue,
     runs,
     series,
     session,
@@ -21,6 +24,8 @@ from bpn_dashboard.api import (
     sweeps,
     system,
     trash,
+    views,
+    watch,
 )
 from bpn_dashboard.api.context import Context, Viewer
 from bpn_dashboard.api.openapi import describe
@@ -37,8 +42,10 @@ class Application(Guard):
         api: the application inside.
     """
 
-    def __init__(self, api: FastAPI, hosts: Iterable[str], connections: Connections | None) -> None:
-        super().__init__(api, hosts, connections=connections)
+    def __init__(
+        self, api: FastAPI, hosts: Iterable[str], prefix: str, connections: Connections | None
+    ) -> None:
+        super().__init__(api, hosts, prefix=prefix, connections=connections)
         self.api = api
 
 
@@ -46,6 +53,7 @@ def create_app(
     context: Context,
     *,
     hosts: Iterable[str] = (),
+    prefix: str = "",
     lifespan: Lifespan | None = None,
     routers: Sequence[APIRouter] = (),
 ) -> Application:
@@ -53,6 +61,7 @@ def create_app(
 
     Args:
         hosts: names by which browsers reach the dashboard, beside loopback's.
+        prefix: the path at which they find it, without a slash at its end, if that is not the root.
         routers: more routes, such as the live hub's, with their whole paths.
     """
     app = FastAPI(
@@ -68,7 +77,11 @@ def create_app(
     )
     app.state.context = context
     problems.install(app)
-    for module in (session, runs, trash, sweeps, series, artefacts, episodes, logs, system):
+    # Paths with a name in place of a run's id come before those with the id.
+    for module in (
+        session, overviews, queue, runs, trash, sweeps, series, comparison, artefacts, episodes, logs,
+        system, views, watch,
+    ):  # fmt: skip
         app.include_router(module.router, prefix=PREFIX)
 
     @app.get(f"{PREFIX}/openapi.json", operation_id="getOpenApi", tags=["system"])
@@ -80,6 +93,6 @@ def create_app(
     app.include_router(prometheus.router)
     for router in routers:
         app.include_router(router)
-    app.include_router(static.ui_routes())
+    app.include_router(static.ui_routes(prefix=prefix))
     describe(app)
-    return Application(app, hosts, context.connections)
+    return Application(app, hosts, prefix, context.connections)

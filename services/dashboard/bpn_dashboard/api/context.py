@@ -16,8 +16,10 @@ from bpn_dashboard.api.pages import Cursors
 from bpn_dashboard.api.problems import ApiError
 from bpn_dashboard.certificates import Certificate
 from bpn_dashboard.database.engine import Database
+from bpn_dashboard.hub.samples import Samples
 from bpn_dashboard.hub.topology import Topology, TopologySnapshot
 from bpn_dashboard.registry.removals import Removals
+from bpn_dashboard.registry.saved_views import SavedViews
 from bpn_dashboard.registry.store import RunStore
 from bpn_dashboard.registry.versions import Refused
 from bpn_dashboard.registry.view import RegistryView
@@ -50,6 +52,7 @@ class Context:
         connections: of the server, if it limits them.
         state_dir: the folder that is the dashboard's alone; None: that of the runs.
         trash_kept_s: how long runs that are removed are kept.
+        webhook_trouble: why the last alert was not sent; empty: it was; None: there is nowhere to send it.
     """
 
     database: Database
@@ -70,6 +73,7 @@ class Context:
     connections: Connections | None = None
     state_dir: Path | None = None
     trash_kept_s: float = KEPT_DAYS * DAY_S
+    webhook_trouble: Callable[[], str | None] = lambda: None
 
     def __post_init__(self) -> None:
         trash = Trash(self.runs.runs_dir, self.trash_kept_s)
@@ -78,6 +82,8 @@ class Context:
         self.tokens = Tokens(self.database)
         self.cursors = Cursors(secret_key(self.database, "cursors"))
         self.series = SeriesQueries(self.database)
+        self.views = SavedViews(self.runs.runs_dir)
+        self.samples = Samples(self.database, self.topology)
         self._instance = secret_key(self.database, "instance")[:4].hex()
 
     @property

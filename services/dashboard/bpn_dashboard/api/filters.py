@@ -1,11 +1,14 @@
 """Which runs: the same filter in a list's query string and in a series query's body."""
 
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any
 
-from pydantic import BaseModel, ConfigDict, Field, create_model, model_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, create_model, model_validator
 
 from bpn_dashboard.api.configs import check_names
-from bpn_dashboard.registry.query import SORT_KEYS, RunFilter
+from bpn_dashboard.registry.columns import column_of
+from bpn_dashboard.registry.errors import FilterError
+from bpn_dashboard.registry.query import RunFilter
+from bpn_dashboard.registry.query_language import MOST_CHARACTERS
 from bpn_shared.spec.config import OPTIONS
 
 _CONFIG = "config."
@@ -31,7 +34,18 @@ class _Runs(BaseModel):
         return values
 
     search: Annotated[
-        str, Field(max_length=200, description="part of name, notes, tags or id, in any case")
+        str,
+        Field(
+            max_length=200, description="words, each part of name, notes, tags or id, in any case"
+        ),
+    ] = ""
+    query: Annotated[
+        str,
+        Field(
+            max_length=MOST_CHARACTERS,
+            description="in words: alpha>0.5 and (tag:paper or state:failed)",
+            examples=["alpha>0.5 and state:failed"],
+        ),
     ] = ""
     state: Annotated[
         str, Field(max_length=200, description="states, separated by commas", examples=["running"])
@@ -50,6 +64,7 @@ class _Runs(BaseModel):
         }
         return RunFilter(
             search=self.search,
+            query=self.query,
             states=tuple(state for state in self.state.split(",") if state),
             task=self.task,
             algorithm=self.algorithm,
@@ -59,15 +74,22 @@ class _Runs(BaseModel):
         )
 
 
+def _sort_key(text: str) -> str:
+    try:
+        column_of(text.removeprefix("-"))
+    except FilterError as error:
+        raise ValueError(str(error)) from error
+    return text
+
+
+SortKey = Annotated[str, Field(max_length=250), AfterValidator(_sort_key)]
+
 if TYPE_CHECKING:
-    SortKey = str
 
     class RunFilterQuery(_Runs):
         """Conditions that a run must all meet."""
 
 else:
-    SortKey = Literal[tuple(direction + key for key in SORT_KEYS for direction in ("", "-"))]
-
     RunFilterQuery = create_model(
         "RunFilter", __base__=_Runs, __doc__="Conditions that a run must all meet.", **_CONFIG_KEYS
     )
@@ -76,9 +98,21 @@ else:
 class RunListQuery(RunFilterQuery):
     """Which runs, in which order, and which page of them."""
 
-    sort: Annotated[SortKey, Field(description="a key; with - before it, descending")] = (
-        "-created_at"
-    )
+    sort: Annotated[
+        SortKey,
+        Field(
+            description="a run's own column, config.KEY, or metric.NAME.VALUE (last, highest, lowest, mean_5, "
+            "mean_20, mean_100); with - before it, descending",
+            examples=["-config.alpha", "metric.loss.mean_20"],
+        ),
+    ] = "-created_at"
+    columns: Annotated[
+        str,
+        Field(
+            max_length=2000,
+            description="metric.NAME.VALUE, separated by commas: shown as each run's `values`",
+        ),
+    ] = ""
     cursor: Annotated[
         str | None, Field(max_length=1000, description="next_cursor of the page before")
     ] = None

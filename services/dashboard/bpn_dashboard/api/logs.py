@@ -58,6 +58,7 @@ class LogPage(BaseModel):
 
     items: list[LogItem]
     next_cursor: str | None
+    services: Annotated[list[str], Field(description="that have a log, whatever the filter")]
 
 
 @router.get("/runs/{run_id}/logs", operation_id="getLogs", responses=responses(404, 422))
@@ -68,7 +69,9 @@ def get_logs(
     parts.runs.get(run_id)
     scope = ["logs", run_id, query.model_dump(exclude={"cursor", "limit"})]
     with ExitStack() as stack:
-        files = _open_logs(parts.runs.folder(run_id), query.service, stack)
+        folder = parts.runs.folder(run_id)
+        services = _services(folder)
+        files = _open_logs(folder, services, query.service, stack)
         ends = {name: os.fstat(file.fileno()).st_size for name, file in files.items()}
         if query.cursor is not None:
             ends |= parts.cursors.decode(query.cursor, scope)
@@ -79,22 +82,28 @@ def get_logs(
         )
         for scanned, entry in enumerate(entries):
             if len(items) == query.limit or scanned == _MAX_SCANNED:
-                return LogPage(items=items, next_cursor=parts.cursors.encode(ends, scope))
+                cursor = parts.cursors.encode(ends, scope)
+                return LogPage(items=items, next_cursor=cursor, services=services)
             ends[entry.service] = entry.begin
             if _wanted(entry.line, query):
                 items.append(_shown(entry))
-    return LogPage(items=items, next_cursor=None)
+    return LogPage(items=items, next_cursor=None, services=services)
 
 
-def _open_logs(folder: RunFolder, service: str | None, stack: ExitStack) -> dict[str, BinaryIO]:
+def _services(folder: RunFolder) -> list[str]:
+    """Whose logs the run has."""
+    names = folder.file_names("logs", suffix=_SUFFIX)
+    return [stem for name in names if _is_ours(stem := name.removesuffix(_SUFFIX))][:_MAX_FILES]
+
+
+def _open_logs(
+    folder: RunFolder, services: list[str], service: str | None, stack: ExitStack
+) -> dict[str, BinaryIO]:
     """The run's log files by service, or that of one; the stack closes them."""
     files: dict[str, BinaryIO] = {}
-    for name in folder.file_names("logs", suffix=_SUFFIX):
-        stem = name.removesuffix(_SUFFIX)
-        if service not in (None, stem) or not _is_ours(stem) or len(files) == _MAX_FILES:
-            continue
+    for name in services if service is None else {service} & set(services):
         with suppress(OSError):  # it went away in between
-            files[stem] = stack.enter_context(folder.open_file(f"logs/{name}"))
+            files[name] = stack.enter_context(folder.open_file(f"logs/{name}{_SUFFIX}"))
     return files
 
 
@@ -157,7 +166,7 @@ def _wanted(line: log_lines.LogLine, query: LogQuery) -> bool:
     levels = log_lines.LEVELS
     if query.level is not None and levels.index(line.level) < levels.index(query.level):
         return False
-    return query.search.lower() in line.message.lower()
+    return query.search.casefold() in line.message.casefold()
 
 
 def _shown(entry: _Entry) -> LogItem:

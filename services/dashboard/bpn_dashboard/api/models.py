@@ -6,15 +6,26 @@ from pydantic import AfterValidator, BaseModel, Field
 
 from bpn_dashboard.api.configs import Request, RunChanges, SweepGrid, differ
 from bpn_dashboard.database.tables import RunRow, SweepRow
+from bpn_dashboard.database.text_keys import is_visible
 from bpn_shared.runs.folder import State
 from bpn_shared.runs.trash import Removed
 from bpn_shared.spec.tasks import RETURN_PX
 
 MAX_IDS = 1000
 
-Name = Annotated[str, Field(max_length=200)]
+
+def _readable(text: str) -> str:
+    """Refuses what looks like nothing, or makes what stands beside it look like something else."""
+    for character in text:
+        if not is_visible(character):
+            raise ValueError(f"U+{ord(character):04X} cannot be seen: leave it out")
+    return text.strip()
+
+
+Name = Annotated[str, Field(max_length=200), AfterValidator(_readable)]
 Notes = Annotated[str, Field(max_length=20_000)]
-Tags = Annotated[list[Annotated[str, Field(min_length=1, max_length=50)]], Field(max_length=50)]
+Tag = Annotated[str, Field(max_length=50), AfterValidator(_readable), Field(min_length=1)]
+Tags = Annotated[list[Tag], Field(max_length=50)]
 RunId = Annotated[str, Field(min_length=36, max_length=36)]
 MetricName = Annotated[str, Field(min_length=1, max_length=200)]
 
@@ -59,6 +70,9 @@ class Run(BaseModel):
     iterations: int
     weights_version: int | None
     summary: RunSummary
+    values: Annotated[
+        dict[str, float | None], Field(description="of the `columns` that a list was asked for")
+    ] = {}
     error: str
     waiting_reason: Annotated[
         str, Field(description="why it makes no progress though it shall; empty if it does")
@@ -67,9 +81,11 @@ class Run(BaseModel):
     notes: str
     tags: list[str]
     sweep_id: str | None
+    priority: Annotated[int, Field(description="of those that wait the highest is served first")]
     archived_at_unix_s: float | None
     created_at_unix_s: float
     updated_at_unix_s: float
+    disk_bytes: Annotated[int | None, Field(description="of its folder; null: not measured yet")]
     rev: Annotated[int, Field(description="grows when people change the run; the ETag")]
 
     @classmethod
@@ -78,6 +94,7 @@ class Run(BaseModel):
         same = {name: getattr(row, name) for name in cls.model_fields if hasattr(RunRow, name)}
         return cls.model_construct(
             **same,
+            values={},
             summary=RunSummary(
                 returns=ReturnSummary(
                     metric=row.return_metric,

@@ -26,6 +26,8 @@ from bpn_dashboard.registry.errors import (
     UnknownRunError,
     UnknownSweepError,
 )
+from bpn_dashboard.registry.query_language import QueryError
+from bpn_dashboard.registry.saved_views import TooManyViewsError, UnknownViewError
 from bpn_shared.runs.opening import ForeignFileError
 from bpn_shared.spec.config import ConfigError
 
@@ -34,6 +36,22 @@ log = logging.getLogger(__name__)
 MEDIA_TYPE = "application/problem+json"
 _TYPE = "urn:bpn:problem:"
 _MAX_ERRORS = 50
+_TITLES = {
+    401: "Not signed in",
+    403: "Not allowed",
+    404: "Not found",
+    409: "Not possible now",
+    412: "Changed meanwhile",
+    413: "Too large",
+    421: "Unknown name of this server",
+    422: "Wrong values",
+    428: "Not said what was seen",
+    429: "Too many tries",
+    500: "The server failed",
+    503: "Not ready",
+    507: "No room",
+}
+"""By status. HTTP's own phrases are for programs."""
 
 
 class FieldError(BaseModel):
@@ -55,8 +73,9 @@ class Problem(BaseModel):
 
     @classmethod
     def of(cls, status: int, kind: str, detail: str) -> Self:
-        """A problem whose title is the status's phrase."""
-        return cls(type=_TYPE + kind, title=HTTPStatus(status).phrase, status=status, detail=detail)
+        """A problem whose title says in plain words what its status means."""
+        title = _TITLES.get(status) or HTTPStatus(status).phrase
+        return cls(type=_TYPE + kind, title=title, status=status, detail=detail)
 
 
 class ApiError(Exception):
@@ -74,6 +93,8 @@ _FULL = (errno.ENOSPC, errno.EDQUOT)
 _EXPECTED: dict[type[Exception], tuple[int, str]] = {
     UnknownRunError: (404, "unknown-run"),
     UnknownSweepError: (404, "unknown-sweep"),
+    UnknownViewError: (404, "unknown-view"),
+    TooManyViewsError: (409, "too-many-views"),
     StaleError: (412, "stale"),
     RunBusyError: (409, "run-busy"),
     RunStateError: (409, "run-state"),
@@ -98,8 +119,11 @@ def problem_of(error: Exception) -> Problem:
         return error.problem
     if isinstance(error, OSError | OperationalError):
         return _storage_problem(error)
-    status, kind = _EXPECTED[type(error)]
-    return Problem.of(status, kind, printable(str(error)))
+    status, kind = next(_EXPECTED[base] for base in type(error).__mro__ if base in _EXPECTED)
+    problem = Problem.of(status, kind, printable(str(error)))
+    if isinstance(error, QueryError):
+        problem.errors = [FieldError(location=f"query.{error.position}", message=problem.detail)]
+    return problem
 
 
 def _storage_problem(error: OSError | OperationalError) -> Problem:

@@ -21,6 +21,7 @@ from bpn_dashboard.api.models import (
     RunPatch,
 )
 from bpn_dashboard.api.problems import EXPECTED_ERRORS, ApiError, Problem, problem_of, responses
+from bpn_dashboard.registry.columns import metric_of
 from bpn_shared.runs.creation import configure
 from bpn_shared.spec.algorithms import Algorithm, NetworkKind, offered_algorithms
 from bpn_shared.spec.config import OPTIONS, RunConfig
@@ -203,7 +204,7 @@ def list_runs(
 ) -> RunPage:
     """A page of runs. Runs that are made while somebody pages neither repeat nor hide others."""
     key, descending = query.sort.lstrip("-"), query.sort.startswith("-")
-    scope = ["runs", query.model_dump(exclude={"cursor", "limit"})]
+    scope = ["runs", query.model_dump(exclude={"cursor", "limit", "columns"})]
     after = None
     if query.cursor is not None:
         value, run_id = parts.cursors.decode(query.cursor, scope)
@@ -212,9 +213,12 @@ def list_runs(
         query.to_filter(), sort=key, descending=descending, after=after, limit=query.limit
     )
     following = page.next_after and parts.cursors.encode(page.next_after, scope)
-    return RunPage.model_construct(
-        items=[Run.of(row) for row in page.rows], next_cursor=following, total=page.total
-    )
+    columns = {name: metric_of(name) for name in query.columns.split(",") if name}
+    values = parts.series.table([row.id for row in page.rows], list(columns.values()))
+    items = [Run.of(row) for row in page.rows]
+    for run in items:
+        run.values = {name: values[run.id].get(column) for name, column in columns.items()}
+    return RunPage.model_construct(items=items, next_cursor=following, total=page.total)
 
 
 @router.post(

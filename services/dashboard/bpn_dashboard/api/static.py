@@ -1,10 +1,12 @@
-"""The web UI's files: built ones for ever, index.html for every page of it."""
+"""The web UI's files: built ones for ever, index.html for its one address."""
 
+import html
 import mimetypes
 from pathlib import Path
+from urllib.parse import quote
 
 from fastapi import APIRouter, Request, Response
-from fastapi.responses import FileResponse, HTMLResponse
+from fastapi.responses import FileResponse, HTMLResponse, RedirectResponse
 
 from bpn_dashboard.api.problems import ApiError
 
@@ -18,8 +20,12 @@ _NOT_BUILT = """<!doctype html>
 <code>pip install -e services/dashboard</code>.</p></body></html>"""
 
 
-def ui_routes(folder: Path = BUILT) -> APIRouter:
-    """Routes for all paths that are not the API's."""
+def ui_routes(folder: Path = BUILT, *, prefix: str = "") -> APIRouter:
+    """Routes for all paths that are not the API's.
+
+    Args:
+        prefix: the path at which browsers find the dashboard, without a slash at its end, if that is not the root.
+    """
     router = APIRouter(include_in_schema=False)
     # Paths are looked up among the files that were there at the start: none is made from a request.
     files = {
@@ -43,9 +49,26 @@ def ui_routes(folder: Path = BUILT) -> APIRouter:
             raise ApiError(404, "unknown-path", "there is nothing under this path")
         if "index.html" not in files:
             return HTMLResponse(_NOT_BUILT, 503)
+        if path not in ("", "index.html"):
+            return RedirectResponse(_home(path), 302)
+        if prefix:
+            return _based(files["index.html"], prefix)
         return _file(request, files["index.html"], "no-cache")
 
     return router
+
+
+def _home(path: str) -> str:
+    """Where the page is, seen from a path that is none, whatever stands before it; it says what is not there."""
+    page = quote(path.split("/", maxsplit=1)[0], safe="")
+    return ("../" * path.count("/") or "./") + f"?page={page}"
+
+
+def _based(index: Path, prefix: str) -> Response:
+    """The page with the address to which all in it is relative: also where its own has no slash at the end."""
+    base = f'<base href="{html.escape(prefix)}/" />'
+    page = index.read_text().replace("<head>", f"<head>{base}", 1)
+    return HTMLResponse(page, headers={"Cache-Control": "no-cache"})
 
 
 def _wants_page(request: Request) -> bool:

@@ -15,6 +15,7 @@ from bpn_dashboard.api.models import MetricName, Sweep, SweepNew
 from bpn_dashboard.api.problems import responses
 from bpn_dashboard.database.tables import RunRow, SweepRow
 from bpn_dashboard.registry.query import RunFilter
+from bpn_dashboard.series.summary import Value
 from bpn_shared.runs.statistics import over_seeds
 from bpn_shared.spec.tasks import RETURN
 
@@ -165,14 +166,15 @@ def _shown(parts: Context, rows: Sequence[SweepRow]) -> list[Sweep]:
 def _heatmap(parts: Context, runs: RunFilter, query: _Axes) -> Heatmap:
     rows = parts.runs.find(runs)
     metric = query.metric or (rows[0].return_metric if rows else RETURN)
-    ends = parts.series.ends([row.id for row in rows], metric)
+    value: Value = "highest" if query.value == "best_mean" else "last"
+    ends = parts.series.values([row.id for row in rows], metric, value)
     cells: dict[tuple[Any, Any], list[RunRow]] = defaultdict(list)
     for row in rows:
         if row.id in ends:
             cells[row.config[query.x], row.config[query.y]].append(row)
     shown = []
     for (x, y), members in cells.items():
-        values = [getattr(ends[row.id], query.value[:4]) for row in members]
+        values = [ends[row.id] for row in members]
         found = over_seeds([row.seed for row in members], values)
         shown.append(
             HeatmapCell(

@@ -32,6 +32,14 @@ class MetricRow(Base):
     """The smallest iteration."""
     last: Mapped[int] = mapped_column(BigInteger)
     """The largest iteration."""
+    newest: Mapped[float | None]
+    """The value of the largest iteration; None, as below: it is no number that can be stored."""
+    highest: Mapped[float | None]
+    lowest: Mapped[float | None]
+    mean_5: Mapped[float | None]
+    """Mean of the newest five points, or of all if there are fewer; None: one of them is NaN."""
+    mean_20: Mapped[float | None]
+    mean_100: Mapped[float | None]
     revision: Mapped[int] = mapped_column(BigInteger, index=True)
     """Grows with every change of any series, so the largest says whether something changed."""
 

@@ -5,9 +5,10 @@ Times are Unix seconds. A `config` is a `RunConfig` as JSON.
 
 from typing import Any
 
-from sqlalchemy import JSON, BigInteger, ForeignKey, Index, MetaData
+from sqlalchemy import JSON, BigInteger, ForeignKey, Index, MetaData, event
 from sqlalchemy.orm import DeclarativeBase, Mapped, mapped_column
 
+from bpn_dashboard.database.text_keys import order_key, search_text
 from bpn_shared.spec.tasks import RETURN
 
 
@@ -56,10 +57,15 @@ class RunRow(Base):
         Index(None, "archived_at", "created_at", "id"),  # what the list of runs shows first
         Index(None, "state"),
         Index(None, "sweep_id"),
+        Index(None, "name_order"),
     )
 
     id: Mapped[str] = mapped_column(primary_key=True)
     name: Mapped[str]
+    name_order: Mapped[str] = mapped_column(default="", server_default="")
+    """`order_key` of the name."""
+    search_text: Mapped[str] = mapped_column(default="", server_default="")
+    """`text_keys.search_text`."""
     task: Mapped[str]
     algorithm: Mapped[str]
     seed: Mapped[int] = mapped_column(BigInteger)
@@ -91,9 +97,22 @@ class RunRow(Base):
     tags: Mapped[list[str]]
     sweep_id: Mapped[str | None] = mapped_column(ForeignKey(SweepRow.id))
     archived_at: Mapped[float | None]
+    priority: Mapped[int] = mapped_column(default=0, server_default="0")
+    """Of those that wait for workers the highest is served first, and of equal ones the oldest."""
     created_at: Mapped[float]
     updated_at: Mapped[float]
     rev: Mapped[int]
+    folder_at: Mapped[float | None]
+    """When its state had been written, as the file system had it when the row was made from the folder."""
+    disk_bytes: Mapped[int | None] = mapped_column(BigInteger)
+    """Of its folder; None: not measured yet."""
+
+
+@event.listens_for(RunRow, "before_insert")
+@event.listens_for(RunRow, "before_update")
+def _derive(_mapper: Any, _connection: Any, row: RunRow) -> None:
+    row.name_order = order_key(row.name)
+    row.search_text = search_text(run_id=row.id, name=row.name, notes=row.notes, tags=row.tags)
 
 
 class AuditRow(Base):

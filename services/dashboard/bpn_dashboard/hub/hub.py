@@ -9,7 +9,7 @@ from typing import Any
 from bpn_dashboard.hub.channel import Channel
 from bpn_dashboard.hub.client import Client, Transport
 from bpn_dashboard.hub.sources import Close, sources
-from bpn_dashboard.hub.topics import DELIVERY, Topic
+from bpn_dashboard.hub.topics import DELIVERY, Kind, Topic
 from bpn_dashboard.hub.topology import Topology
 from bpn_shared.bus import keys
 from bpn_shared.bus.liveliness import TokenWatch
@@ -17,6 +17,7 @@ from bpn_shared.bus.session import Bus
 from bpn_shared.bus.telemetry import TelemetryWatch
 from bpn_shared.counters import Counters
 
+PUBLISHED: tuple[Kind, ...] = ("runs", "alerts")
 MAX_CLIENTS = 100
 MAX_CLIENTS_OF_ONE = 40
 
@@ -55,17 +56,18 @@ class Hub:
         self._sources = sources(bus, runs_dir, topology, counters)
         self._open: dict[Topic, _Open] = {}
         self._clients: dict[Client, str] = {}  # with whose they are
-        self._runs = self._acquire(Topic("runs"))  # changes are kept whether anyone looks or not
+        # Kept whether anyone looks or not.
+        self._published = {name: self._acquire(Topic(name)) for name in PUBLISHED}
 
     def publish(self, topic: str, data: Mapping[str, Any]) -> None:
-        """Publishes on a topic that has no source of its own: `runs`. May be called on any thread.
+        """Publishes on a topic that has no source of its own, one of `PUBLISHED`. May be called on any thread.
 
         Raises:
             ValueError: another topic.
         """
-        if topic != "runs":
-            raise ValueError(f"topic {topic!r} has a source of its own; only runs is published")
-        self._runs.put(data)
+        if topic not in self._published:
+            raise ValueError(f"topic {topic!r} has a source of its own, and is not published")
+        self._published[topic].put(data)
 
     def connect(self, transport: Transport, owner: str) -> Client:
         """A new client.

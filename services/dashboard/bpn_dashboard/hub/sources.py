@@ -68,19 +68,21 @@ def sources(bus: Bus, runs_dir: Path, topology: Topology, counters: Counters) ->
     def open_topology(_topic: Topic, put: Put) -> Close:
         return _every(1 / DELIVERY["topology"].rate_hz, lambda: put(topology))
 
-    def in_slot(key: Callable[[UUID, int], str]) -> Callable[[Topic], str]:
-        return lambda topic: key(_run(topic), topic.slot or 0)
+    def in_slot(key: Callable[[UUID, int, str], str]) -> Callable[[Topic], str]:
+        return lambda topic: key(_run(topic), topic.slot or 0, keys.ANY)
 
     def metrics_key(topic: Topic) -> str:
         return keys.metrics(_run(topic), "*", "*")
 
+    published = Source(lambda _topic, _put: lambda: None, orjson.dumps)
     return {
         "camera": Source(watch(in_slot(keys.preview)), checked(_camera_frame)),
         "actions": Source(watch(in_slot(keys.decision)), checked(_decision)),
         "metrics": Source(watch(metrics_key), checked(_metrics)),
         "logs": Source(open_logs, lambda line: line),
         "topology": Source(open_topology, lambda now: now.snapshot().model_dump_json().encode()),
-        "runs": Source(lambda _topic, _put: lambda: None, orjson.dumps),
+        "runs": published,
+        "alerts": published,
     }
 
 

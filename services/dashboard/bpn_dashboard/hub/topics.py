@@ -7,7 +7,7 @@ from uuid import UUID
 
 from bpn_dashboard.hub.protocol import ProtocolError
 
-Kind = Literal["camera", "actions", "metrics", "logs", "runs", "topology"]
+Kind = Literal["camera", "actions", "metrics", "logs", "runs", "alerts", "topology"]
 
 _RUN = r"(?P<run>[0-9a-f]{8}(?:-[0-9a-f]{4}){3}-[0-9a-f]{12})"
 _SLOT = r"(?P<slot>0|[1-9][0-9]{0,2})"
@@ -17,6 +17,7 @@ _FORMS: dict[Kind, re.Pattern[str]] = {
     "metrics": re.compile(f"metrics/{_RUN}"),
     "logs": re.compile(f"logs/{_RUN}"),
     "runs": re.compile("runs"),
+    "alerts": re.compile("alerts"),
     "topology": re.compile("topology"),
 }
 
@@ -42,10 +43,11 @@ class Delivery:
 
 DELIVERY: dict[Kind, Delivery] = {
     "camera": Delivery(kept=1, rate_hz=30),
-    "actions": Delivery(kept=1, rate_hz=20),
+    "actions": Delivery(kept=1, rate_hz=20, linger_s=60),  # who comes back sees the last decision
     "metrics": Delivery(kept=1000, rate_hz=5, linger_s=60),
     "logs": Delivery(kept=2000, rate_hz=5, linger_s=60),
     "runs": Delivery(kept=1000, rate_hz=5),
+    "alerts": Delivery(kept=100, rate_hz=2),
     "topology": Delivery(kept=1, rate_hz=1),
 }
 
@@ -75,5 +77,5 @@ class Topic(NamedTuple):
                 return cls(kind, UUID(run) if run else None, int(slot) if slot else None)
         raise ProtocolError(
             f"topic {name[:80]!r} is unknown; there are camera/RUN/SLOT, actions/RUN/SLOT, metrics/RUN, "
-            "logs/RUN, runs, topology"
+            "logs/RUN, runs, alerts, topology"
         )

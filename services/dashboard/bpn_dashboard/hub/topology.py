@@ -61,6 +61,7 @@ class Latency(_Model):
 
     count: int
     p50_us: float
+    p95_us: float
     p99_us: float
     uncertainty_us: float = 0.0
 
@@ -354,6 +355,7 @@ def _latency(topic: str, source: _Known, target: _Known) -> Latency | None:
     return Latency(
         count=measured.count,
         p50_us=measured.p50_us * share,
+        p95_us=measured.p95_us * share,
         p99_us=measured.p99_us * share,
         uncertainty_us=0.0 if one_clock else measured.p50_us * share,
     )
@@ -366,5 +368,6 @@ def _load_latency(edge: _Known, one_clock: bool) -> Latency | None:
     return Latency(
         count=len(loads_us),
         p50_us=round(statistics.median(loads_us), 1),
+        p95_us=round(loads_us[round(0.95 * (len(loads_us) - 1))], 1),
         p99_us=round(loads_us[-1], 1),
     )

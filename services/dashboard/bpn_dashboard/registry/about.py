@@ -52,6 +52,7 @@ class About(_Mirror):
     archived_at: float | None = None
     desired_state: DesiredState = "stopped"
     """A run that another program made is not ours to start."""
+    priority: Annotated[int, Field(ge=-(2**31), lt=2**31)] = 0
     rev: Annotated[int, Field(ge=1)] = 1
 
     @classmethod

@@ -9,6 +9,7 @@ from bpn_dashboard.registry.leases import LeaseBook, Place
 from bpn_dashboard.registry.setbacks import Setbacks
 from bpn_dashboard.registry.versions import Refused
 from bpn_shared.runtime.watchdog import Circumstances
+from bpn_shared.site import MAIN_SITE, site_of
 
 _MANY = 10
 
@@ -90,7 +91,21 @@ def _lacking(
 ) -> Iterator[str]:
     places = [place for place in missing if place.role != "learner"]
     yield from filter(None, map(setbacks.newest, places))
-    for role, count in Counter(place.role for place in places).items():
-        idle = len(book.idle(role, now_s))
-        name = role.removesuffix("_sim") + ("s" if count > 1 else "")
-        yield f"{count} {name} missing: {idle} connected and idle"
+    idle = {p.role: [site_of(one) for one in book.idle(p.role, now_s)] for p in places}
+    wanted = Counter((p.role, _site(book, p, idle[p.role])) for p in places)
+    for (role, site), count in wanted.items():
+        name, known = role.removesuffix("_sim") + ("s" if count > 1 else ""), idle[role]
+        if site is None:
+            yield f"{count} {name} missing: {len(known)} connected and idle"
+        else:  # whoever is idle elsewhere is of no use
+            there = known.count(site)
+            yield (
+                f"{count} {name} missing at site {site}: {there} connected and idle there, "
+                f"{len(known) - there} at other sites"
+            )
+
+
+def _site(book: LeaseBook, place: Place, idle: list[str]) -> str | None:
+    """Where somebody is missing; None: anywhere, or there is one site only."""
+    site = book.site_wanted(place)
+    return None if site is None or {site, *idle} == {MAIN_SITE} else site

@@ -26,6 +26,7 @@ from bpn_shared.messages.lease import LeaseReply, LeaseRequest, Role
 from bpn_shared.messages.telemetry import Telemetry
 from bpn_shared.runs.folder import RunFolder
 from bpn_shared.runtime.watchdog import Circumstances
+from bpn_shared.site import MAIN_SITE, site_of
 
 log = logging.getLogger(__name__)
 
@@ -120,8 +121,11 @@ class LeaseDesk:
                 self._book.quiet(time.monotonic() + SETTLE_S)
                 self._losses.clear()  # it was the router that they lost
 
-    def answer(self, body: bytes) -> bytes:
+    def answer(self, body: bytes, site: str = MAIN_SITE) -> bytes:
         """Answers a worker that asks for work.
+
+        Args:
+            site: for which it asks, as the router let it.
 
         Raises:
             MessageError: it is no such question.
@@ -133,6 +137,8 @@ class LeaseDesk:
             if (reason := why_refused(asked)) is not None:
                 self._refusals.note(asked.role, asked.worker, reason, now_s)
                 raise RefusedError(reason)
+            if site_of(asked.worker) != site:
+                raise RefusedError(f"{asked.worker} is no worker of site {site!r}")
             self._losses.heard_of(asked.worker)
             self._told[asked.worker] = asked
             places = self._book.candidates(asked.role, asked.worker, asked.label, now_s)

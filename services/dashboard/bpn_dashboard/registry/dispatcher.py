@@ -16,6 +16,7 @@ from bpn_dashboard.registry.leases import Place
 from bpn_dashboard.registry.observations import Changes
 from bpn_dashboard.registry.observer import Observer
 from bpn_dashboard.registry.query import RunFilter
+from bpn_dashboard.registry.queue import queue_order
 from bpn_dashboard.registry.releases import Releases
 from bpn_dashboard.registry.stalls import Stalls
 from bpn_dashboard.registry.states import is_busy
@@ -24,7 +25,7 @@ from bpn_dashboard.registry.versions import Refused
 from bpn_dashboard.registry.view import RegistryView
 from bpn_shared.bus import keys
 from bpn_shared.bus.liveliness import TokenWatch
-from bpn_shared.bus.requests import NoReplyError, RefusedError, Responder, request
+from bpn_shared.bus.requests import NoReplyError, PatternResponder, RefusedError, request
 from bpn_shared.bus.session import Bus
 from bpn_shared.bus.telemetry import TelemetryWatch
 from bpn_shared.counters import Counters
@@ -95,16 +96,16 @@ class Dispatcher:
         self._responder = self._respond() if self._leading else None
         self._thread.start()
 
-    def _respond(self) -> Responder:
-        return Responder(self._bus, keys.lease_request(), self._answer, self._counters)
+    def _respond(self) -> PatternResponder:
+        return PatternResponder(self._bus, keys.LEASE_REQUESTS, self._answer, self._counters)
 
     def _hear(self, report: Telemetry) -> None:
         self.stalls.hear(report)
         self.desk.hear(report)
 
-    def _answer(self, body: bytes) -> bytes:
+    def _answer(self, key: str, body: bytes) -> bytes:
         self.desk.on_router(self._bus.router)
-        return self.desk.answer(body)
+        return self.desk.answer(body, _site_asking(key))
 
     def lead(self, leading: bool) -> None:
         """Begins or ceases to serve workers."""
@@ -243,7 +244,7 @@ class Dispatcher:
             row for row in self._rows.values()
             if row.desired_state == "running" and row.archived_at is None
         ]  # fmt: skip
-        self.desk.demand(sorted(wanted, key=lambda row: (row.created_at, row.id)))
+        self.desk.demand(sorted(wanted, key=queue_order))
 
     def _observe_stalls(self, now_s: float) -> None:
         self.stalls.read()
@@ -308,6 +309,11 @@ class Dispatcher:
         if row.desired_state == "stopped":
             return "the run shall stop"
         return self.desk.given_up().get(row.id, "it is needed elsewhere")
+
+
+def _site_asking(key: str) -> str:
+    """The site for which a worker asks at a key; empty: it names none, as those of earlier protocols."""
+    return key.partition("/lease/")[2]
 
 
 def _keep_newest(known: dict[str, RunRow], rows: Iterable[RunRow]) -> None:

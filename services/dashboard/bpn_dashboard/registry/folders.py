@@ -4,12 +4,14 @@ import contextlib
 import hashlib
 import json
 import os
+import time
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 from uuid import UUID
 
 from bpn_dashboard.database.tables import RunRow
+from bpn_dashboard.database.text_keys import visible
 from bpn_dashboard.registry.about import About
 from bpn_dashboard.registry.errors import UnknownRunError
 from bpn_dashboard.registry.progress import Progress
@@ -79,7 +81,7 @@ def there(run_id: str) -> Iterator[None]:
 def name_of(about: About, values: Mapping[str, Any]) -> str:
     """The name of a run: what people call it, or what its configuration says most of."""
     task, algorithm, seed = (values.get(key, "?") for key in ("task", "algorithm", "seed"))
-    return about.name or f"{task} {algorithm} seed {seed}"
+    return visible(about.name) or f"{task} {algorithm} seed {seed}"
 
 
 def named_contents(trash: Trash) -> list[tuple[Removed, str]]:
@@ -116,8 +118,9 @@ def row_of(folder: RunFolder, about: About | None = None) -> RunRow:
     Raises:
         ConfigError: a file of the folder is missing or damaged.
     """
-    about = about or About.read(folder)
+    about, now_s = about or About.read(folder), time.time()
     recorded = folder.state()
+    written_s = (folder.path / "state.json").stat().st_mtime
     try:
         config = folder.config()
         values, error = config.model_dump(mode="json", exclude=set(BY_VALUE)), recorded.error
@@ -140,8 +143,9 @@ def row_of(folder: RunFolder, about: About | None = None) -> RunRow:
         iterations=values["iterations"],
         return_metric=metric,
         error=error,
-        created_at=recorded.created_unix_s,
-        updated_at=(folder.path / "state.json").stat().st_mtime,
+        created_at=min(recorded.created_unix_s, now_s),  # of a clock that goes fast
+        updated_at=min(recorded.updated_unix_s or written_s, now_s),  # which a copy does not change
+        folder_at=written_s,
         **about.columns(),
         name=name_of(about, values),
         **Progress(folder).read(),

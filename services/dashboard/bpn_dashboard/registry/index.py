@@ -130,8 +130,8 @@ class Index:
         """The runs whose state was written since the last call, or since it was last observed."""
         written_s = dict(_states_written_s(self._runs_dir))
         if self._seen_s is None:
-            known = session.execute(select(RunRow.id, RunRow.updated_at))
-            self._seen_s = dict(iter(known))
+            known = session.execute(select(RunRow.id, RunRow.updated_at, RunRow.folder_at))
+            self._seen_s = {run: max(seen_s, read_s or 0.0) for run, seen_s, read_s in known}
         seen_s, self._seen_s = self._seen_s, written_s
         return [run for run, at_s in written_s.items() if at_s > seen_s.get(run, float("inf"))]
 

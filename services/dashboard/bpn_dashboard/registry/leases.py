@@ -3,6 +3,9 @@
 A place is one role in one run: one of its learners, or the robot or edge of one of its slots. A lease is a
 worker's token at a place, or a grant so young that its token may still come. So whoever reads all tokens
 knows all leases, and a registry that was restarted goes on where the last one stopped.
+
+The robot and the edge of a slot are of one site, always: frames do not leave it. Of one host or one core they are
+if that can be had.
 """
 
 from collections import Counter
@@ -11,7 +14,9 @@ from dataclasses import dataclass
 from typing import NamedTuple
 from uuid import UUID
 
+from bpn_dashboard.registry.pairing import Idle, near
 from bpn_shared.messages.lease import Role
+from bpn_shared.site import site_of
 
 GRANT_S = 5.0
 """How long a granted place is kept for a worker whose token has not come."""
@@ -176,6 +181,11 @@ class LeaseBook:
         roles: tuple[Role, ...] = ("learner", "robot_sim", "edge")
         return [p for role in roles for p in demand.places(role) if p not in self._leases]
 
+    def site_wanted(self, place: Place) -> str | None:
+        """The site at which somebody is missing, beside a partner; None: any would do."""
+        partner = None if place.role == "learner" else self._leases.get(place.partner)
+        return None if partner is None else site_of(partner.worker)
+
     def vacancies(self) -> Counter[Role]:
         """By role, the places of all runs that nobody has."""
         return Counter(place.role for run in self._demands for place in self.missing(run))
@@ -193,7 +203,7 @@ class LeaseBook:
 
         Args:
             label: where the worker runs; a robot and an edge with equal labels are put together, because
-                they share a core. Empty: anywhere.
+                they share a core, or else those of one host (what is before the "/"). Empty: anywhere.
         """
         self._labels[worker] = label
         self._asked[worker] = role, now_s
@@ -202,11 +212,13 @@ class LeaseBook:
             self.vanished(place, worker, now_s)
         if now_s < self._quiet_until_s:
             return []
-        return sorted(self._vacant(role), key=lambda p: self._urgency(p, label, now_s))
+        idle = self._idle(now_s)
+        places = [p for p in self._vacant(role) if self._suits(p, worker, idle, now_s)]
+        return sorted(places, key=lambda p: self._urgency(p, label, now_s))
 
     def grant(self, place: Place, worker: str, now_s: float) -> bool:
-        """Gives a worker a place, unless somebody has it."""
-        if place in self._leases:
+        """Gives a worker a place, unless somebody has it, or its partner is of another site."""
+        if place in self._leases or self._is_apart(place, site_of(worker)):
             return False
         self._leases[place] = Lease(worker, now_s, confirmed=False)
         return True
@@ -256,13 +268,35 @@ class LeaseBook:
     def _fit(self, place: Place, label: str, now_s: float) -> int:
         partner = self._leases.get(place.partner)
         if partner is None:
+            return 3
+        nearness = near(label, self._labels.get(partner.worker, ""))
+        if nearness is None:
             return 2
-        partner_label = self._labels.get(partner.worker, "")
-        if label and label == partner_label:
-            return 0
-        if not label or not partner_label or self._missing_s(place, partner, now_s) > PATIENCE_S:
-            return 1
-        return 3  # the one that runs beside the partner will probably ask soon
+        if nearness == 0 or self._missing_s(place, partner, now_s) > PATIENCE_S:
+            return nearness
+        return 3 + nearness  # the one that runs beside the partner will probably ask soon
+
+    # Sites and hosts
+
+    def _is_apart(self, place: Place, site: str) -> bool:
+        """Whether the partner at a place is of another site."""
+        return self.site_wanted(place) not in (None, site)
+
+    def _suits(self, place: Place, worker: str, idle: Idle, now_s: float) -> bool:
+        """Whether a worker may have a place, for all that is known of those who are near its partner."""
+        if place.role == "learner":
+            return True
+        partner = self._leases.get(place.partner)
+        if partner is None:  # who begins a pair should be able to complete it
+            return idle.is_at(site_of(worker), place.partner.role) or not idle.has_pairs()
+        if self._is_apart(place, site_of(worker)):
+            return False
+        patient = self._missing_s(place, partner, now_s) <= PATIENCE_S
+        return not (patient and idle.has_nearer(place.role, worker, partner.worker))
+
+    def _idle(self, now_s: float) -> Idle:
+        roles: tuple[Role, ...] = ("robot_sim", "edge")
+        return Idle({role: self.idle(role, now_s) for role in roles}, self._labels)
 
     def _missing_s(self, place: Place, lease: Lease, now_s: float) -> float:
         """For how long a lease's worker has been without the one who should be at `place`."""
@@ -280,7 +314,17 @@ class LeaseBook:
         surplus = [
             (place, worker) for place, workers in self._surplus.items() for worker in workers
         ]
-        return unwanted + surplus + in_vain
+        apart = [(place, worker) for place, worker in leases if self._came_to_another_site(place)]
+        return unwanted + surplus + apart + in_vain
+
+    def _came_to_another_site(self, place: Place) -> bool:
+        """Whether the partner is of another site and was there first, or is the robot."""
+        lease = self._leases[place]
+        if not self._is_apart(place, site_of(lease.worker)):
+            return False
+        partner = self._leases[place.partner]
+        first, second = (partner.since_s, place.role), (lease.since_s, place.partner.role)
+        return partner.confirmed and first < second
 
     def _is_wanted(self, place: Place) -> bool:
         demand = self._demands.get(place.run)
@@ -305,9 +349,13 @@ class LeaseBook:
             return any(True for _ in self._vacant(place.role))
         if self._missing_s(place.partner, lease, now_s) <= PATIENCE_S:
             return False
+        site, idle = site_of(lease.worker), self._idle(now_s)
+        if idle.has_pairs() and not idle.is_at(site, place.partner.role):
+            return True  # elsewhere there are both
         return any(
             self._precedence(vacancy) < self._precedence(place)
             and (partner := self._leases.get(vacancy.partner)) is not None
+            and site_of(partner.worker) == site
             and self._missing_s(vacancy, partner, now_s) > PATIENCE_S
             for vacancy in self._vacant(place.role)
         )

@@ -4,27 +4,18 @@ A page continues after the last row of the one before it, not at a count, so tha
 meanwhile neither repeat nor hide others.
 """
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Annotated, Any
+from typing import Any
 
-from pydantic import TypeAdapter, ValidationError
-from sqlalchemy import BigInteger, ColumnElement, Select, String, and_, cast, func, or_, select
-from sqlalchemy.orm import InstrumentedAttribute, Session
+from sqlalchemy import ColumnElement, and_, func, or_, select, true
+from sqlalchemy.orm import Session
 
 from bpn_dashboard.database.tables import RunRow
+from bpn_dashboard.database.text_keys import folded
+from bpn_dashboard.registry.columns import CONFIG, column_of, config_value
 from bpn_dashboard.registry.errors import FilterError
-from bpn_shared.spec.config import OPTIONS, RunConfig
-from bpn_shared.spec.renamed import called_now
-
-SORT_KEYS: dict[str, InstrumentedAttribute[Any]] = {
-    column.key: column
-    for column in (
-        RunRow.created_at, RunRow.updated_at, RunRow.name, RunRow.state, RunRow.task,
-        RunRow.algorithm, RunRow.seed, RunRow.iteration, RunRow.return_last,
-        RunRow.return_best, RunRow.return_mean_last_5,
-    )
-}  # fmt: skip
+from bpn_dashboard.registry.query_conditions import config_value_of, query_condition
 
 Cursor = tuple[str | float | None, str]
 """Sort value and id of a page's last row. JSON can carry it."""
@@ -35,10 +26,11 @@ class RunFilter:
     """Conditions that a run must all meet.
 
     Attributes:
-        search: part of its name, notes, tags or id, in any case.
+        search: words that are each part of its name, notes, tags or id, in any case.
         states: one of these; empty: any.
         archived: whether it is archived; None: either.
         config: configuration keys with the value that they must have, as text.
+        query: what they meet, in the language of `query_language`.
         without: none of these, by id.
     """
 
@@ -49,6 +41,7 @@ class RunFilter:
     sweep_id: str | None = None
     archived: bool | None = False
     config: Mapping[str, str] = field(default_factory=dict)
+    query: str = ""
     without: frozenset[str] = frozenset()
 
 
@@ -75,21 +68,21 @@ def find_page(
     Raises:
         FilterError: the sort key or a configuration key is unknown, or a value cannot be one.
     """
-    if sort not in SORT_KEYS:
-        raise FilterError(f"sort = {sort!r} is unknown; one of: {', '.join(SORT_KEYS)}")
-    key = SORT_KEYS[sort]
+    column = column_of(sort)
+    key = column.expression
     where = conditions(runs)
     total = session.scalar(select(func.count()).select_from(RunRow).where(*where)) or 0
-    query: Select[RunRow] = select(RunRow).where(*where)
+    query = select(RunRow, key).where(*where)
     if after is not None:
         query = query.where(_behind(key, descending, after))
     # Only where it changes something: with an expression in the order no index can give it.
-    last = [key.is_(None)] if key.property.columns[0].nullable else []
+    last = [key.is_(None)] if column.nullable else []
     columns = (key, RunRow.id)
     query = query.order_by(*last, *(c.desc() if descending else c.asc() for c in columns))
-    rows = list(session.scalars(query.limit(limit + 1)))
-    more, rows = len(rows) > limit, rows[:limit]
-    return Page(rows, (getattr(rows[-1], sort), rows[-1].id) if more else None, total)
+    found = session.execute(query.limit(limit + 1)).all()
+    more, found = len(found) > limit, found[:limit]
+    rows = [row for row, _ in found]
+    return Page(rows, (found[-1][1], rows[-1].id) if more else None, total)
 
 
 def states_of_sweeps(
@@ -107,9 +100,7 @@ def states_of_sweeps(
     return states
 
 
-def _behind(
-    key: InstrumentedAttribute[Any], descending: bool, after: Cursor
-) -> ColumnElement[bool]:
+def _behind(key: ColumnElement[Any], descending: bool, after: Cursor) -> ColumnElement[bool]:
     value, run_id = after
     later_id = RunRow.id < run_id if descending else RunRow.id > run_id
     if value is None:
@@ -125,9 +116,10 @@ def conditions(runs: RunFilter) -> list[ColumnElement[bool]]:
         FilterError: a configuration key is unknown, or a value cannot be one of that key.
     """
     found: list[ColumnElement[bool]] = []
-    if runs.search:
-        texts = (RunRow.name, RunRow.notes, RunRow.id, cast(RunRow.tags, String))
-        found.append(or_(*(text.icontains(runs.search, autoescape=True) for text in texts)))
+    if runs.search.strip():
+        found.append(_has_text(runs.search))
+    if runs.query:
+        found.append(query_condition(runs.query, _has_text))
     if runs.states:
         found.append(RunRow.state.in_(runs.states))
     for column, value in (
@@ -143,26 +135,19 @@ def conditions(runs: RunFilter) -> list[ColumnElement[bool]]:
     return found + [_config_is(key, text) for key, text in runs.config.items()]
 
 
-def _config_is(key: str, text: str) -> ColumnElement[bool]:
-    if key not in OPTIONS:
-        why = called_now(key) or f"is unknown; one of: {', '.join(OPTIONS)}"
-        raise FilterError(f"config.{key} {why}")
-    known = RunConfig.model_fields[key]
-    # Within its range: databases have one too.
-    kind: Any = (
-        Annotated[(known.annotation, *known.metadata)] if known.metadata else known.annotation
+def _has_text(text: str) -> ColumnElement[bool]:
+    """Every word of a text is somewhere in it."""
+    return and_(
+        true(),
+        *(RunRow.search_text.contains(word, autoescape=True) for word in folded(text).split()),
     )
+
+
+def _config_is(key: str, text: str) -> ColumnElement[bool]:
+    column = config_value(key)
     try:
-        value = TypeAdapter(kind).validate_python(text)
-    except ValidationError as error:
-        raise FilterError(f"config.{key} = {text!r}: {error.errors()[0]['msg']}") from error
-    found: ColumnElement[bool] = _AS_TYPE[type(value)](RunRow.config[key]) == value
+        value = config_value_of(key, text)
+    except ValueError as error:
+        raise FilterError(f"{CONFIG}{error}") from error
+    found: ColumnElement[bool] = column == value
     return found
-
-
-_AS_TYPE: dict[type, Callable[[Any], Any]] = {
-    bool: lambda stored: stored.as_boolean(),
-    int: lambda stored: cast(stored.as_string(), BigInteger),  # seeds need more than 32 bits
-    float: lambda stored: stored.as_float(),
-    str: lambda stored: stored.as_string(),
-}

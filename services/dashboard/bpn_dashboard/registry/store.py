@@ -113,7 +113,7 @@ class RunStore:
         """
         with self._database.reading() as session:
             page = find_page(
-                session, self._of_those_there(runs),
+                session, self.of_those_there(runs),
                 sort=sort, descending=descending, after=after, limit=limit,
             )  # fmt: skip
         return replace(page, rows=self._observations.shown(page.rows))
@@ -125,7 +125,7 @@ class RunStore:
             FilterError: the filter is none; the message says why.
         """
         with self._database.reading() as session:
-            where = conditions(self._of_those_there(runs))
+            where = conditions(self.of_those_there(runs))
             rows = list(session.scalars(select(RunRow).where(*where).order_by(RunRow.created_at)))
         return self._observations.shown(rows)
 
@@ -134,7 +134,7 @@ class RunStore:
         with self._database.reading() as session:
             return frozenset(session.scalars(select(RunRow.id))) - self.index.gone
 
-    def _of_those_there(self, runs: RunFilter | None) -> RunFilter:
+    def of_those_there(self, runs: RunFilter | None) -> RunFilter:
         return replace(runs or RunFilter(), without=self.index.gone)
 
     # Runs: change
@@ -210,7 +210,7 @@ class RunStore:
                 )
             return changes
 
-        return self._edit(run_id, "update", actor, decide)
+        return self.edit(run_id, "update", actor, decide)
 
     def request_stop(self, run_id: str, actor: str) -> RunRow:
         """Nobody shall work on the run any more; whoever does is told to stop. Harmless if it is over.
@@ -225,7 +225,7 @@ class RunStore:
             state = "stopping" if is_busy(row.state) else "stopped"
             return {"desired_state": "stopped", "state": state}
 
-        return self._edit(run_id, "stop", actor, decide)
+        return self.edit(run_id, "stop", actor, decide)
 
     def request_resume(self, run_id: str, actor: str) -> RunRow:
         """Workers shall go on with the run from where its folder stands.
@@ -245,7 +245,7 @@ class RunStore:
             self.folder(run_id).set_state("queued")
             return {"desired_state": "running", "state": "queued", "error": ""}
 
-        return self._edit(run_id, "resume", actor, decide)
+        return self.edit(run_id, "resume", actor, decide)
 
     def archive(self, run_id: str, actor: str) -> RunRow:
         """Takes the run out of sight; `unarchive` brings it back. Nothing is deleted.
@@ -260,7 +260,7 @@ class RunStore:
                 raise RunBusyError(f"run {run_id} is {row.state}: stop it before archiving it")
             return {"archived_at": row.archived_at or time.time()}
 
-        return self._edit(run_id, "archive", actor, decide)
+        return self.edit(run_id, "archive", actor, decide)
 
     def unarchive(self, run_id: str, actor: str) -> RunRow:
         """Brings an archived run back.
@@ -268,12 +268,17 @@ class RunStore:
         Raises:
             UnknownRunError: there is none of that id.
         """
-        return self._edit(run_id, "unarchive", actor, lambda _row: {"archived_at": None})
+        return self.edit(run_id, "unarchive", actor, lambda _row: {"archived_at": None})
 
-    def _edit(
+    def edit(
         self, run_id: str, action: str, actor: str, decide: Callable[[RunRow], Changes]
     ) -> RunRow:
-        """Makes the changes that `decide` finds for the row as it is now; nothing if it raises."""
+        """Makes the changes that `decide` finds for the row as it is now; nothing if it raises.
+
+        Raises:
+            UnknownRunError: there is none of that id.
+            ReadOnlyError: another dashboard serves the router.
+        """
         self.check_writable()
         with self._database.writing() as session, there(run_id):
             row = _run(session, run_id)

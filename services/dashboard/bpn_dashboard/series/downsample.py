@@ -17,11 +17,14 @@ Floats = npt.NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Buckets:
-    """What is known of each bucket; all float64[k], ascending in `x`. Points that are NaN are left out.
+    """What is known of each bucket; all float64[k], ascending in `x`.
+
+    Points that are NaN count nowhere; a bucket that has no others is there all the same, with NaN for all but `n`:
+    a hole in a series shall be seen as one.
 
     Attributes:
         x: where the bucket begins.
-        n: points in it.
+        n: points in it that are numbers.
         min: the smallest value.
         max: the largest value.
         sum: of the values.
@@ -51,18 +54,25 @@ class Buckets:
 
     def merge(self, width: float) -> "Buckets":
         """Coarser buckets of this width, which must be a multiple of the present one."""
-        if not len(self.x):
+        return self._gathered(np.floor(self.x / width) * width)
+
+    def _gathered(self, starts: Floats) -> "Buckets":
+        """One bucket for each value in `starts` float64[k], ascending: where those begin that these join."""
+        if not len(starts):
             return self
-        starts = np.floor(self.x / width) * width
         first = np.flatnonzero(np.diff(starts, prepend=-np.inf))
-        end = np.append(first[1:], len(starts)) - 1
+        n = np.add.reduceat(self.n, first)
+        # The newest number of each, or its first where it has none.
+        numbers = np.where(self.n > 0, np.arange(len(starts)), -1)
+        newest = np.maximum(np.maximum.reduceat(numbers, first), first)
+        sums = np.add.reduceat(np.where(self.n > 0, self.sum, 0.0), first)
         return Buckets(
             x=starts[first],
-            n=np.add.reduceat(self.n, first),
-            min=np.minimum.reduceat(self.min, first),
-            max=np.maximum.reduceat(self.max, first),
-            sum=np.add.reduceat(self.sum, first),
-            last=self.last[end],
+            n=n,
+            min=np.fmin.reduceat(self.min, first),
+            max=np.fmax.reduceat(self.max, first),
+            sum=np.where(n > 0, sums, np.nan),
+            last=self.last[newest],
         )
 
     def to_bytes(self) -> bytes:
@@ -79,17 +89,18 @@ NO_BUCKETS = Buckets.from_bytes(b"")
 
 
 def bucketize(x: Floats, values: Floats, width: float | None = None) -> Buckets:
-    """Points in buckets of this width; None: every point in a bucket of its own, with its x.
+    """Points in buckets of this width; None: every x has a bucket of its own.
 
     Args:
-        x: float64[n], ascending.
-        values: float64[n]; NaN is left out.
+        x: float64[n], ascending; what stands at one x shares a bucket.
+        values: float64[n]; NaN: there is no number.
         width: a power of two.
     """
-    kept = ~np.isnan(values)
-    x, values = x[kept], values[kept]
-    points = Buckets(x, np.ones_like(x), values, values, values, values)
-    return points if width is None else points.merge(width)
+    n = (~np.isnan(values)).astype(np.float64)
+    points = Buckets(x, n, values, values, values, values)
+    if width is not None:
+        return points.merge(width)
+    return points._gathered(x) if (np.diff(x) == 0).any() else points
 
 
 def bucket_width(low: float, high: float, max_buckets: int) -> float:

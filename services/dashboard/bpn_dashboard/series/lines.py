@@ -13,7 +13,7 @@ MAX_ITERATION = 2**53
 """Up to here float64 has every integer."""
 MAX_NAME = 200
 _MAX_DEPTH = 8
-_NO_SERIES = ("iteration", "attempt")
+_NO_SERIES = ("iteration",)
 
 
 class LineError(ValueError):

@@ -4,7 +4,6 @@ import threading
 from collections import OrderedDict
 from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 from sqlalchemy.orm import Session
@@ -12,17 +11,15 @@ from sqlalchemy.orm import Session
 from bpn_dashboard.database.engine import Database
 from bpn_dashboard.database.series_tables import MetricRow
 from bpn_dashboard.series import store
+from bpn_dashboard.series.axes import METRICS, Axis, place
 from bpn_dashboard.series.downsample import NO_BUCKETS, Buckets, Floats, bucket_width, bucketize
 from bpn_dashboard.series.lines import MAX_ITERATION
 from bpn_dashboard.series.points import NO_POINTS, Points
 from bpn_dashboard.series.statistics import Band, Curve, Statistic, summarize
+from bpn_dashboard.series.summary import Value, value_of
 
-Axis = Literal["iteration", "wall_s", "transitions"]
-
-_AXIS_METRIC: Mapping[str, str] = {"wall_s": "time_unix_s", "transitions": "transitions"}
-"""The metric that says, at the same iteration, where a point stands on the axis."""
-_REMEMBERED = 256
-"""Curves, of at most 4000 buckets of 64 bytes each: 64 MB."""
+_REMEMBERED_BYTES = 64 * 1024 * 1024
+"""Of curves, however many that are: a page of a hundred lines asks for each again when one has grown."""
 
 
 @dataclass(frozen=True)
@@ -30,7 +27,7 @@ class View:
     """What is wanted of every series.
 
     Attributes:
-        axis: of x: iterations; seconds since the run's first record; transitions seen so far.
+        axis: of x, as `series.axes` has them.
         range: of x, both ends included; None: everything.
         max_points: of a curve.
     """
@@ -61,14 +58,6 @@ class Series:
     curve: Curve
 
 
-@dataclass(frozen=True)
-class Ends:
-    """The largest and the newest value of a series."""
-
-    best: float
-    last: float
-
-
 class SeriesQueries:
     """Answers queries, from any thread; remembers the newest answers for as long as they are true."""
 
@@ -76,12 +65,13 @@ class SeriesQueries:
         self._database = database
         self._lock = threading.Lock()
         self._known: OrderedDict[Hashable, Series] = OrderedDict()
+        self._known_bytes = 0
 
     def query(
         self, groups: Sequence[Mapping[str, int]], metrics: Sequence[str], view: View
     ) -> list[Series]:
         """For every group of runs (id to seed) and every metric the curve, in this order."""
-        names = [*metrics, _AXIS_METRIC[view.axis]] if view.axis != "iteration" else metrics
+        names = [*metrics, *METRICS[view.axis]]
         with self._database.reading() as session:
             of_all = store.metrics_of(session, sorted({i for ids in groups for i in ids}), names)
             rows = {(row.run_id, row.name): row for row in of_all}
@@ -108,16 +98,27 @@ class SeriesQueries:
             found = store.read_points(session, [row.id for row in rows], 0, MAX_ITERATION)
         return {row.name: found[row.id] for row in rows if row.id in found}
 
-    def ends(self, run_ids: Sequence[str], metric: str) -> dict[str, Ends]:
-        """For each run that has the metric, where it ended up."""
+    def values(self, run_ids: Sequence[str], metric: str, value: Value) -> dict[str, float]:
+        """For each run that has the metric, what it came to; runs where that is no number are left out."""
         with self._database.reading() as session:
             rows = store.metrics_of(session, run_ids, [metric])
-            found = store.read_rollups(session, [row.id for row in rows], 0, MAX_ITERATION)
-        return {
-            row.run_id: Ends(best=float(part.max.max()), last=float(part.last[-1]))
-            for row in rows
-            if len((part := found.get(row.id, NO_BUCKETS)).x)
-        }
+        found = ((row.run_id, value_of(row, value)) for row in rows)
+        return {run_id: number for run_id, number in found if number is not None}
+
+    def table(
+        self, run_ids: Sequence[str], columns: Sequence[tuple[str, Value]]
+    ) -> dict[str, dict[tuple[str, Value], float]]:
+        """For each run what these of its metrics came to; what it does not have is left out."""
+        names = sorted({metric for metric, _ in columns})
+        with self._database.reading() as session:
+            rows = store.metrics_of(session, run_ids, names) if names else []
+        found: dict[str, dict[tuple[str, Value], float]] = {run_id: {} for run_id in run_ids}
+        for row in rows:
+            for metric, value in columns:
+                number = value_of(row, value) if metric == row.name else None
+                if number is not None:
+                    found[row.run_id][metric, value] = number
+        return found
 
     def revision(self) -> int:
         """Grows with every point of any run."""
@@ -133,8 +134,10 @@ class SeriesQueries:
         view: View,
     ) -> Series:
         rows = [found[run, metric] for run in sorted(seeds) if (run, metric) in found]
-        axis = _AXIS_METRIC.get(view.axis)
-        axes = [found[row.run_id, axis] for row in rows if axis and (row.run_id, axis) in found]
+        names = METRICS[view.axis]
+        axes = [
+            found[row.run_id, name] for row in rows for name in names if (row.run_id, name) in found
+        ]
         key = metric, view, tuple((row.id, row.revision) for row in (*rows, *axes))
         with self._lock:
             if (known := self._known.get(key)) is not None:
@@ -142,10 +145,17 @@ class SeriesQueries:
                 return known
         series = _series(session, rows, axes, metric, view, seeds=seeds)
         with self._lock:
-            self._known[key] = series
-            while len(self._known) > _REMEMBERED:
-                self._known.popitem(last=False)
+            self._remember(key, series)
         return series
+
+    def _remember(self, key: Hashable, series: Series) -> None:
+        if key in self._known:  # another thread was as quick
+            return
+        self._known[key] = series
+        self._known_bytes += series.curve.size_bytes
+        while self._known_bytes > _REMEMBERED_BYTES:
+            _, oldest = self._known.popitem(last=False)
+            self._known_bytes -= oldest.curve.size_bytes
 
 
 def _series(
@@ -161,7 +171,7 @@ def _series(
         parts, width = _by_iteration(session, rows, view)
     else:
         parts, width = _by_other_axis(session, rows, axes, view)
-    run_ids = [row.run_id for row, part in zip(rows, parts, strict=True) if len(part.x)]
+    run_ids = [row.run_id for row, part in zip(rows, parts, strict=True) if part.n.any()]
     return Series(
         metric=metric,
         run_ids=run_ids,
@@ -197,28 +207,15 @@ def _by_other_axis(
 ) -> tuple[list[Buckets], float]:
     ids = [row.id for row in (*rows, *axes)]
     found = store.read_points(session, ids, 0, MAX_ITERATION)
-    axis_of = {row.run_id: found.get(row.id, NO_POINTS) for row in axes}
-    parts = [
-        _placed(found.get(row.id, NO_POINTS), axis_of.get(row.run_id, NO_POINTS), view.axis)
-        for row in rows
-    ]
+    axes_of: dict[str, dict[str, Points]] = {row.run_id: {} for row in rows}
+    for row in axes:
+        axes_of[row.run_id][row.name] = found.get(row.id, NO_POINTS)
+    parts = [place(found.get(row.id, NO_POINTS), axes_of[row.run_id], view.axis) for row in rows]
     x = np.concatenate([x for x, _ in parts]) if parts else np.empty(0)
     if not len(x):
         return [NO_BUCKETS] * len(rows), 0.0
     low, high = _within(float(x.min()), float(x.max()), view)
     return _reduce(parts, low, high, view)
-
-
-def _placed(points: Points, axis: Points, kind: Axis) -> tuple[Floats, Floats]:
-    """X and values of the points for whose iteration the axis is known."""
-    if not len(axis.steps):
-        return np.empty(0), np.empty(0)
-    # A clock that was set back must not fold the curve.
-    since_start = np.maximum.accumulate(axis.values) - axis.values[0]
-    x = np.cumsum(axis.values) if kind == "transitions" else since_start
-    at = np.minimum(np.searchsorted(axis.steps, points.steps), len(axis.steps) - 1)
-    known = axis.steps[at] == points.steps
-    return x[at[known]], points.values[known]
 
 
 def _within(low: float, high: float, view: View) -> tuple[float, float]:
@@ -245,7 +242,7 @@ def _reduce(
 
 
 def _are_few(xs: Sequence[Floats], most: int) -> bool:
-    """Whether all of them together are at most so many different x; each has none twice."""
+    """Whether all of them together are at most so many different x."""
     longest = max(len(x) for x in xs)
     return longest <= most and len(np.unique(np.concatenate(xs))) <= most
 

@@ -14,6 +14,7 @@ from sqlalchemy.orm import Session
 from bpn_dashboard.database.series_tables import ChunkRow, MetricRow, SourceRow
 from bpn_dashboard.series.downsample import Buckets, bucketize
 from bpn_dashboard.series.points import NO_POINTS, Points
+from bpn_dashboard.series.summary import TAIL, take_tail, widen
 
 CHUNK = 4096
 ROLLUP = 64
@@ -96,10 +97,32 @@ def append(session: Session, run_id: str, columns: Mapping[str, Points]) -> None
     revision = newest_revision(session) + 1
     for name, points in columns.items():
         row = metrics[name]
+        again = row.n > 0 and points.steps[0] <= row.last
         row.n += grown[row.id]
         row.first = min(row.first, int(points.steps[0]))
         row.last = max(row.last, int(points.steps[-1]))
         row.revision = revision
+        _sum_up(session, row, points, after.get((row.id, row.last // CHUNK)), again=again)
+
+
+def _sum_up(
+    session: Session, row: MetricRow, new: Points, newest: Points | None, *, again: bool
+) -> None:
+    """Brings the row's summary up to date.
+
+    Args:
+        newest: the points of its last chunk, where they are at hand.
+        again: some iterations of the new points had values before, which may have been extremes.
+    """
+    if again:
+        row.lowest = row.highest = None
+        widen(row, read_points(session, [row.id], 0, row.last)[row.id].values)
+    else:
+        widen(row, new.values)
+    if newest is None or (len(newest.steps) < TAIL and row.last >= CHUNK):
+        begin = (row.last // CHUNK - 1) * CHUNK
+        newest = read_points(session, [row.id], max(begin, 0), row.last)[row.id]
+    take_tail(row, newest.values[-TAIL:])
 
 
 def forget(session: Session, run_id: str) -> None:

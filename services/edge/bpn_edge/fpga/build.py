@@ -26,6 +26,8 @@ class Build:
         channels: the largest C.
         hidden_units: the largest N.
         actions: the largest |A|.
+        keeps_frame: whether it keeps what a frame is to the next one, so that of two stacked frames only
+            the newer one is sent; it makes conv1 twice as large.
 
     Raises:
         ValueError: one is outside its range.
@@ -35,6 +37,7 @@ class Build:
     channels: int = MAX_CHANNELS
     hidden_units: int = 256
     actions: int = MAX_ACTIONS
+    keeps_frame: bool = False
 
     def __post_init__(self) -> None:
         if self.pixel_bytes not in {1, 2, 4, 8, 16}:
@@ -47,14 +50,23 @@ class Build:
             if not 2 <= getattr(self, name) <= most:
                 raise ValueError(f"{name} = {getattr(self, name)} must be in 2..{most}")
 
+    def frames(self, channels: int) -> int:
+        """Of how many frames, stacked to C channels, one is sent: 2 where it keeps the earlier one."""
+        return 2 if self.keeps_frame and channels % 2 == 0 else 1
+
     def beats(self, channels: int) -> int:
-        """Clocks that a block of 4 pixels of C channels takes."""
-        return -(-BLOCK_PX * channels // self.pixel_bytes)
+        """Clocks that a block of 4 pixels takes, of the frame that is sent for an observation of C channels."""
+        return -(-BLOCK_PX * (channels // self.frames(channels)) // self.pixel_bytes)
+
+    @property
+    def conv1_lanes(self) -> int:
+        """Words of 32 bits in one of conv1's weight memory."""
+        return self.pixel_bytes * (2 if self.keeps_frame else 1)
 
     @property
     def beat_bits(self) -> int:
         """Of the number of a beat in its block."""
-        return max(1, (self.beats(self.channels) - 1).bit_length())
+        return max(1, (-(-BLOCK_PX * self.channels // self.pixel_bytes) - 1).bit_length())
 
     def why_not(self, spec: NetworkSpec) -> str | None:
         """Why a network does not run on this build; None: it does."""

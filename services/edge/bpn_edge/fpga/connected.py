@@ -13,6 +13,12 @@ WHERE = "BPN_FPGA"
 UIO = Path("/sys/class/uio")
 
 
+def is_there() -> bool:
+    """Whether something is where a core is looked for; what it is, is not asked."""
+    named = os.environ.get(WHERE)
+    return Path(named.partition("@")[0]).exists() if named else _uio() is not None
+
+
 def connected_core() -> Transport:
     """The core at this machine.
 
@@ -21,9 +27,9 @@ def connected_core() -> Transport:
     """
     named = os.environ.get(WHERE)
     if named is None:
-        for device in sorted(UIO.glob("uio*")):
-            if (device / "name").read_text().strip() == "bpn":
-                return MappedCore(f"/dev/{device.name}")
+        device = _uio()
+        if device is not None:
+            return MappedCore(device)
         raise ConfigError(
             "kernel 'fpga' finds no core: no UIO device is called bpn (load bitstream and device-tree overlay, "
             f"docs/fpga.md), and {WHERE} names none, such as /dev/uio0, /dev/mem@0xA0000000 or /dev/ttyUSB0"
@@ -38,3 +44,10 @@ def connected_core() -> Transport:
             f"{WHERE} = {named!r}: {address!r} is no address such as 0xA0000000"
         ) from error
     return MappedCore(path, offset)
+
+
+def _uio() -> str | None:
+    for device in sorted(UIO.glob("uio*")):
+        if (device / "name").read_text().strip() == "bpn":
+            return f"/dev/{device.name}"
+    return None

@@ -30,10 +30,12 @@ def render(build: Build) -> str:
     g_nodes = g_actions + 7
     g_action_groups = g_nodes + 11
     g_node_groups = g_action_groups + action_group_w
-    g_last_beat = g_node_groups + group_w
+    g_stacked = g_node_groups + group_w
+    g_last_beat = g_stacked + 1
     numbers = {
         "The build": {
             "BYTES": build.pixel_bytes,
+            "CONV1_LANES": build.conv1_lanes,
             "MAX_CHANNELS": build.channels,
             "MAX_HIDDEN_UNITS": build.hidden_units,
             "MAX_ACTIONS": build.actions,
@@ -54,6 +56,7 @@ def render(build: Build) -> str:
             "BEAT_SUM_W": 8 + (build.pixel_bytes - 1).bit_length(),
             "ROW_SUM_W": (conv1.kernel * build.channels * MAX_PIXEL).bit_length(),
             "SUM_W": conv1.max_output.bit_length(),
+            "EARLIER_W": (conv1.max_output // 2).bit_length() + 1,
             "TAU_W": (conv1.max_output + 1).bit_length() + 1,
             "GROUP_W": group_w,
             "ACTION_GROUP_W": action_group_w,
@@ -67,6 +70,7 @@ def render(build: Build) -> str:
             "G_NODES": g_nodes,
             "G_ACTION_GROUPS": g_action_groups,
             "G_NODE_GROUPS": g_node_groups,
+            "G_STACKED": g_stacked,
             "G_LAST_BEAT": g_last_beat,
             "GEOMETRY_W": g_last_beat + beat_w,
             "EVENTS": EVENTS,

@@ -28,7 +28,8 @@ _NEVER = -785
 def weight_set(build: Build, blob: WeightBlob, *, bank: int, epoch: int) -> Words:
     """The set that loads a policy into a bank, uint32[n]."""
     spec = blob.spec
-    sizes = spec.channels | bank << 7 | spec.actions << 8 | spec.hidden_units << 16
+    stacked = build.frames(spec.channels) - 1
+    sizes = spec.channels | stacked << 6 | bank << 7 | spec.actions << 8 | spec.hidden_units << 16
     header = np.array([set_identity(build), sizes, epoch], np.uint32)
     body = np.concatenate((header, *memories(build, blob)))
     return np.append(body, np.uint32(zlib.crc32(body.astype("<u4").tobytes())))
@@ -71,17 +72,19 @@ def parameters(build: Build, spec: NetworkSpec, held: tuple[Words, Words, Words]
     """
     conv1, conv2, conv3, fc1, fc2 = spec.layers
     node_groups, action_groups = groups(spec.hidden_units), groups(spec.actions)
+    frames = build.frames(spec.channels)
     sides = _unpacked(held[0]).reshape(
-        4, build.beats(spec.channels), 2, 2, conv1.out_channels, build.pixel_bytes
+        4, build.beats(spec.channels), frames, 2, 2, conv1.out_channels, build.pixel_bytes
     )
-    sides = sides.transpose(4, 2, 0, 3, 1, 5).reshape(
-        conv1.out_channels, 2, 4, 2, -1
-    )  # output, half, row, half, byte
+    sides = sides.transpose(5, 3, 0, 4, 2, 1, 6).reshape(
+        conv1.out_channels, 2, 4, 2, frames, -1
+    )  # output, half, row, half, frame, byte
+    sides = sides[..., : BLOCK_PX * spec.channels // frames].reshape(*sides.shape[:5], BLOCK_PX, -1)
     words = held[2].reshape(-1, 8)
     at = np.cumsum((0, 1, 8, 1, 9, node_groups, 49 * node_groups, action_groups * node_groups))
     parts = [words[begin:end] for begin, end in pairwise(at)]
     bits = {
-        "conv1": sides[..., : BLOCK_PX * spec.channels].reshape(conv1.weight_shape),
+        "conv1": sides[..., ::-1, :, :].transpose(0, 1, 2, 3, 5, 4, 6).reshape(conv1.weight_shape),
         "conv2": _unpacked(parts[1])
         .reshape(-1, LANES, LANES)
         .transpose(1, 0, 2)
@@ -114,26 +117,33 @@ def parameters(build: Build, spec: NetworkSpec, held: tuple[Words, Words, Words]
     return found.parameters()
 
 
-def beats(build: Build, observation: Observation) -> Bits:
-    """An observation uint8[C, 84, 84] as the stream of pixels: uint8[beats, pixel_bytes].
+def beats(build: Build, frame: Observation) -> Bits:
+    """What is sent of an observation, uint8[c, 84, 84], as the stream of pixels: uint8[beats, pixel_bytes].
 
     In raster order: row, column, channel; each block of 4 pixels begins with a beat of its own.
     """
-    channels = observation.shape[0]
-    blocks = observation.transpose(1, 2, 0).reshape(-1, BLOCK_PX * channels)
-    width = build.beats(channels) * build.pixel_bytes
-    return _padded(blocks, width, axis=1, with_=0).reshape(-1, build.pixel_bytes)
+    blocks = frame.transpose(1, 2, 0).reshape(-1, BLOCK_PX * len(frame))
+    return _padded(blocks, _whole(build, blocks.shape[1]), axis=1, with_=0).reshape(
+        -1, build.pixel_bytes
+    )
+
+
+def _whole(build: Build, size: int) -> int:
+    """Bytes of the beats that so many bytes take."""
+    return -(-size // build.pixel_bytes) * build.pixel_bytes
 
 
 def _conv1_words(build: Build, conv1: Layer, bits: Bits) -> Words:
-    channels, width = conv1.in_channels, build.beats(conv1.in_channels) * build.pixel_bytes
+    frames = build.frames(conv1.in_channels)
+    block = BLOCK_PX * conv1.in_channels // frames
     sides = bits.reshape(
-        conv1.out_channels, 2, 4, 2, BLOCK_PX * channels
-    )  # output, half, row, half, byte
-    sides = _padded(sides, width, axis=4, with_=0).reshape(
-        conv1.out_channels, 2, 4, 2, -1, build.pixel_bytes
-    )
-    return _packed(sides.transpose(2, 4, 1, 3, 0, 5))  # row, beat | half, half, output, byte
+        conv1.out_channels, 2, 4, 2, BLOCK_PX, frames, -1
+    )  # output, half, row, half, pixel, frame, channel
+    sides = sides.transpose(0, 1, 2, 3, 5, 4, 6).reshape(*sides.shape[:4], frames, block)
+    sides = _padded(sides[..., ::-1, :], _whole(build, block), axis=5, with_=0)
+    sides = sides.reshape(*sides.shape[:5], -1, build.pixel_bytes)
+    # row, beat, frame | half, half, output, byte
+    return _packed(sides.transpose(2, 5, 4, 1, 3, 0, 6))
 
 
 def _words(bits: Bits) -> Words:

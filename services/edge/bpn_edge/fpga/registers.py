@@ -5,6 +5,7 @@ IDENTITY = 0x000
 """What core this is, and of which layout its registers and weight sets are: the letters BP, then 0x0001."""
 BUILD = 0x004
 """What was synthesized."""
+BUILD_KEEPS_FRAME = (0, 1)
 BUILD_ACTIONS = (8, 8)
 BUILD_CHANNELS = (16, 8)
 BUILD_PIXEL_BYTES = (24, 8)
@@ -18,7 +19,7 @@ STATUS_SELECTED = (2, 2)
 STATUS_LOADING = (4, 1)
 STATUS_IN_FLIGHT = (5, 1)
 SELECT = 0x010
-"""The bank that the next frames begin with: 1, 2, or 0 for none, so that no frame begins. Refused for a bank that is not verified."""
+"""The bank that the next frames begin with: 1, 2, or 0 for none, so that no frame begins. Refused for a bank that is not verified. Whatever is written, frames before count for nothing to frames after: where two are stacked, the first frame has no result."""
 EVENTS = 0x014
 """What has happened; writing 1 to a bit clears it."""
 EVENTS_RESULT = (0, 1)

@@ -6,7 +6,9 @@ import os
 import shutil
 import subprocess
 import tempfile
+import time
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -19,6 +21,8 @@ CACHE = "BPN_RTL_CACHE"
 """Environment variable: the folder of the models that were made; by default ~/.cache/bpn/rtl."""
 _LONGEST_S = 600.0
 """Of one run of a tool, which takes seconds."""
+_MOST_MODELS = 32
+"""That are kept, of 1 to 3 MB each; a loaded one may go, its process keeps it."""
 _COMPILE = (
     "-std=c++17",
     "-O2",
@@ -39,12 +43,18 @@ class Harness:
         driver: C++ source beside which it is compiled.
         shell: modules beside the core's, as a pattern.
         options: of Verilator.
+        flags: of the compiler, beside the usual ones.
+        runtime: files of Verilator's runtime beside the usual ones.
+        link: what it is linked as, and with.
     """
 
     top: str
     driver: str
     shell: str = ""
     options: tuple[str, ...] = ()
+    flags: tuple[str, ...] = ()
+    runtime: tuple[str, ...] = ()
+    link: tuple[str, ...] = ("-shared",)
 
 
 CORE = Harness("bpn_core", "sim/bpn_model.cpp")
@@ -62,19 +72,37 @@ def model_library(build: Build, harness: Harness = CORE, *, rtl: Path | None = N
     Raises:
         ConfigError: Verilator or a C++ compiler is missing, or fails.
     """
-    rtl = rtl or sources.folder()
-    files = [
-        *sorted(rtl.glob("bpn_*.sv")),
-        *sorted(rtl.glob(harness.shell) if harness.shell else ()),
-        rtl / harness.driver,
-    ]
-    digest = hashlib.sha256(f"{harness}{_COMPILE}{render(build)}".encode())
-    for file in files:
-        digest.update(file.read_bytes())
-    library = _cache() / f"{digest.hexdigest()[:24]}.so"
-    if not library.exists():
+    files, library = _made_of(build, harness, rtl or sources.folder())
+    if library.exists():
+        with suppress(OSError):  # one that is kept elsewhere may be anybody's
+            library.touch()
+    else:
+        library.parent.mkdir(parents=True, exist_ok=True)
         _make(build, harness, files, library)
+        prune(library.parent)
     return library
+
+
+def prune(cache: Path) -> None:
+    """Removes the models that were not used for longest, and what a process that was killed has left."""
+    models = sorted(cache.glob("*.so"), key=lambda path: path.stat().st_mtime, reverse=True)
+    for path in models[_MOST_MODELS:]:
+        path.unlink(missing_ok=True)
+    for path in cache.glob(".making-*"):
+        if time.time() - path.stat().st_mtime > _LONGEST_S:
+            shutil.rmtree(path, ignore_errors=True)
+
+
+def is_possible() -> bool:
+    """Whether the usual core's model is there, or what it is made with."""
+    if _made_of(Build(), CORE, sources.folder())[1].exists():
+        return True
+    try:
+        verilator()
+        _compiler()
+    except ConfigError:
+        return False
+    return True
 
 
 def verilator() -> tuple[Path, dict[str, str]]:
@@ -98,18 +126,22 @@ def verilator() -> tuple[Path, dict[str, str]]:
     return Path(system), dict(os.environ)
 
 
-def _cache() -> Path:
-    where = Path(os.environ.get(CACHE) or Path.home() / ".cache/bpn/rtl")
-    where.mkdir(parents=True, exist_ok=True)
-    return where
+def _made_of(build: Build, harness: Harness, rtl: Path) -> tuple[list[Path], Path]:
+    """The sources of a model, and where it is once it is made."""
+    files = [
+        *sorted(rtl.glob("bpn_*.sv")),
+        *sorted(rtl.glob(harness.shell) if harness.shell else ()),
+        rtl / harness.driver,
+    ]
+    digest = hashlib.sha256(f"{harness}{_COMPILE}{render(build)}".encode())
+    for file in files:
+        digest.update(file.read_bytes())
+    cache = Path(os.environ.get(CACHE) or Path.home() / ".cache/bpn/rtl")
+    return files, cache / f"{digest.hexdigest()[:24]}.so"
 
 
 def _make(build: Build, harness: Harness, files: list[Path], library: Path) -> None:
-    compiler = shutil.which("g++") or shutil.which("clang++")
-    if compiler is None:
-        raise ConfigError(
-            "kernel 'rtl' needs a C++ compiler, which is not installed: apt-get install g++"
-        )
+    compiler = _compiler()
     program, environment = verilator()
     with tempfile.TemporaryDirectory(dir=library.parent, prefix=".making-") as made:
         folder = Path(made)
@@ -139,12 +171,14 @@ def _make(build: Build, harness: Harness, files: list[Path], library: Path) -> N
         include = _include(program, environment)
         flags = [
             *_COMPILE,
+            *harness.flags,
             f"-DPIXEL_BYTES={build.pixel_bytes}",
             f"-I{made}",
             f"-I{include}",
             f"-I{include}/vltstd",
         ]
         units = [model, *map(str, folder.glob("*.cpp")), f"{include}/verilated.cpp"]
+        units += [f"{include}/{name}" for name in harness.runtime]
         if (include / "verilated_threads.cpp").exists():
             units.append(f"{include}/verilated_threads.cpp")
         objects = [str(folder / f"{number}.o") for number in range(len(units))]
@@ -157,8 +191,17 @@ def _make(build: Build, harness: Harness, files: list[Path], library: Path) -> N
                 )
             )
         done = folder / "model.so"
-        _run([compiler, "-shared", "-pthread", "-o", str(done), *objects], environment)
+        _run([compiler, "-pthread", "-o", str(done), *objects, *harness.link], environment)
         done.rename(library)  # at once, and whoever made it first or last made the same
+
+
+def _compiler() -> str:
+    compiler = shutil.which("g++") or shutil.which("clang++")
+    if compiler is None:
+        raise ConfigError(
+            "kernel 'rtl' needs a C++ compiler, which is not installed: apt-get install g++"
+        )
+    return compiler
 
 
 def _include(program: Path, environment: dict[str, str]) -> Path:

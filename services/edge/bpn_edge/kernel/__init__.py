@@ -6,6 +6,7 @@ Each is an entry point of the group `bpn.kernels`, the project's own too; docs/o
 from collections.abc import Callable
 from importlib.util import find_spec
 
+from bpn_edge.fpga import connected, verilated
 from bpn_edge.kernel.protocol import Kernel
 from bpn_shared import plugins
 
@@ -26,7 +27,7 @@ def load(name: str) -> Kernel:
 def usable_kernels() -> tuple[str, ...]:
     """Names of those that are installed here with what they need; imports none of them."""
     installed = plugins.names(plugins.KERNELS)
-    return tuple(name for name in installed if name != "onnx" or find_spec("onnxruntime"))
+    return tuple(name for name in installed if name not in _NEEDS or _NEEDS[name]())
 
 
 def banks(name: str) -> tuple[Kernel, Kernel]:
@@ -38,3 +39,11 @@ def banks(name: str) -> tuple[Kernel, Kernel]:
     kernel = load(name)
     other_bank: Callable[[], Kernel] | None = getattr(kernel, "other_bank", None)
     return kernel, load(name) if other_bank is None else other_bank()
+
+
+_NEEDS: dict[str, Callable[[], bool]] = {
+    "onnx": lambda: find_spec("onnxruntime") is not None,
+    "rtl": verilated.is_possible,
+    "fpga": connected.is_there,
+}
+"""Whether what one of the project's own kernels needs is here."""

@@ -11,7 +11,8 @@ module banks_and_flight (
     input logic clk,
     input logic [31:0] word,
     input logic word_valid, word_last, select, begin_frame, finish_frame, pixels_end, misaligned,
-    input logic [1:0] select_banks
+    input logic [1:0] select_banks,
+    input logic [bpn::G_STACKED:0] start_geometry
 );
   logic reset_done = 1'b0;
   always_ff @(posedge clk) reset_done <= 1'b1;
@@ -21,7 +22,7 @@ module banks_and_flight (
   logic [bpn::GEOMETRY_W-1:0] geometry;
   logic [31:0] epoch, crc, write_data;
   logic [3:0] refused;
-  logic [bpn::BYTES-1:0] conv1_write;
+  logic [bpn::CONV1_LANES-1:0] conv1_write;
   logic [bpn::BEAT_W+1:0] conv1_address;
   logic threshold_write;
   logic [2:0] threshold_address;
@@ -31,7 +32,8 @@ module banks_and_flight (
   logic [2*bpn::GEOMETRY_W-1:0] geometries;
   logic [63:0] epochs, crcs;
   logic full, newest, newest_bank, active, oldest, oldest_bank, oldest_misaligned;
-  logic [bpn::G_LAST_BEAT-1:0] oldest_geometry;
+  logic newest_stacked, oldest_alone;
+  logic [bpn::G_STACKED-1:0] oldest_geometry;
 
   // As bpn_frame_gate and bpn_schedule do: a frame begins only so, and only a frame in flight ends.
   wire start = begin_frame && selected != '0 && !full;
@@ -47,9 +49,9 @@ module banks_and_flight (
       .load_crc(crc), .select, .select_banks, .select_refused, .valid, .selected, .geometries, .epochs, .crcs
   );
   bpn_flight u_flight (
-      .clk, .rst_n, .start, .start_bank(selected[1]), .start_geometry('0), .end_of_pixels(pixels_end),
+      .clk, .rst_n, .start, .start_bank(selected[1]), .start_geometry, .forget(select), .end_of_pixels(pixels_end),
       .end_misaligned(misaligned), .finish, .full, .in_use, .newest, .newest_bank, .active, .oldest, .oldest_bank,
-      .oldest_misaligned, .oldest_geometry
+      .oldest_misaligned, .newest_stacked, .oldest_alone, .oldest_geometry
   );
 
   // Connected by prove.py.

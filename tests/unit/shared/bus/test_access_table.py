@@ -30,6 +30,7 @@ WHO: dict[str, dict[str, set[str]]] = {
     keys.frame(RUN, 0): {"publish": {"robot_sim"}, "get": {"edge"}},
     keys.action(RUN, 0): {"publish": {"edge"}, "get": {"robot_sim"}},
     keys.reset(RUN, 0): {"ask": {"edge"}, "answer": {"robot_sim"}},
+    keys.local_link(RUN, 0, "main", "x"): {"hold": {"robot_sim"}, "watch": {"edge"}},
     keys.preview(RUN, 0): {"publish": {"robot_sim"}, "get": {"dashboard"}},
     keys.decision(RUN, 0): {"publish": {"edge"}, "get": {"dashboard"}},
     keys.config(RUN): {"ask": WORKERS, "answer": {"learner"}},
@@ -54,6 +55,7 @@ WHO: dict[str, dict[str, set[str]]] = {
     keys.live("robot_sim", "x"): {"hold": {"robot_sim"}, "watch": {"dashboard"}},
     keys.live("dashboard", "x"): {"hold": {"dashboard"}, "watch": {"dashboard"}},
     keys.lease_request(): {"ask": WORKERS, "answer": {"dashboard"}},
+    keys.LEASE_REQUEST_OF_EARLIER: {"ask": WORKERS, "answer": {"dashboard"}},
     keys.serving("h", "1", "x"): {"hold": {"dashboard"}, "watch": {"dashboard"}},
     keys.probe(): {"ask": {"dashboard"}, "answer": {"robot_sim"}},
     "@/1/router": {"ask": {"dashboard"}},
@@ -114,4 +116,4 @@ def test_the_largest_payloads_are_half_a_mebibyte_and_eight() -> None:
 
 def test_a_grant_is_of_one_of_the_roles() -> None:
     assert {grant.role for grant in grants()} == ALL
-    assert Grant("edge", "ingress", "put", keys.action("*", "*")) in grants()
+    assert Grant("edge", "ingress", "put", keys.action("*", "*", "*")) in grants()

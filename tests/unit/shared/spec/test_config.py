@@ -74,6 +74,15 @@ def test_every_task_has_a_preset_and_observations_of_its_network(task: TaskSpec)
             "kernel = 'native' does not run the network of 'cvi'",
         ),
         ({"kernel": "onnx"}, "does not run the network of 'bpn', which is binary; one of: native"),
+        (
+            {"algorithm": "cvi", "kernel": "rtl"},
+            "kernel = 'rtl' does not run the network of 'cvi'",
+        ),
+        (
+            {"kernel": "rtl", "conv": "8x4x8,4x2x16"},
+            "kernel = 'rtl' is a circuit of the paper's convolutions over 84 px, this run has "
+            "conv = '8x4x8,4x2x16' over 84 px: choose another kernel, or leave them out",
+        ),
         ({"frames_stacked": 4}, "frames_stacked = 4: task 'reaching' has 1; leave it out"),
         ({"frame_px": 64}, "frame_px = 64: task 'reaching' has 84; leave it out"),
         (
@@ -202,8 +211,8 @@ BY_VALUE = {"task_spec", "algorithm_spec"}
 DEFAULTS: dict[str, Any] = {
     "env_kwargs": "", "env_wrappers": "", "frames_from": "auto", "observation_key": "", "crop": "",
     "max_over_frames": 1, "difference": False, "action_bins": 0, "action_dims": "", "frame_px": 84,
-    "conv": "8x4x8,4x2x16,3x1x16",
-    "disturb": "", "n_step": 1, "gap_floor": 0.0, "replay_transitions": 0, "max_updates": 0,
+    "conv": "8x4x8,4x2x16,3x1x16", "disturb": "", "beta_run_final_factor": 1.0, "n_step": 1, "gap_floor": 0.0,
+    "replay_transitions": 0, "max_updates": 0, "augment": "",
     "task": "reaching", "algorithm": "bpn", "seed": 0, "frame_channels": 1, "frames_stacked": 1,
     "frame_skip": 1, "actions": 14, "iterations": 50, "episodes": 10, "steps": 20, "epochs": 50,
     "batch_size": 32, "replay_iterations": 3, "alpha": 0.95, "beta": 1.0, "gamma": 0.99,
@@ -232,7 +241,9 @@ PRESET_VALUES: dict[str, dict[str, Any]] = {
         "scale_initial": 0.05, "reward_scale": 0.6,
     },
     "gym:Other-v0": {
-        "frames_stacked": 2, "actions": 5, "steps": 200, "bootstrap_terminals": False, "reward_scale": 1.0,
+        "frames_stacked": 2, "actions": 5, "steps": 200, "bootstrap_terminals": False, "reward_scale": 0.0,
+        "scale_initial": 0.0, "hidden_units": 256, "relative_targets": True, "n_step": 8, "episodes": 20,
+        "replay_transitions": 20_000, "max_updates": 500,
     },
 }  # fmt: skip
 
@@ -279,6 +290,22 @@ def test_the_learning_rate_falls_on_a_line_over_the_run(iterations: int, last: f
     )
 
 
+@given(st.integers(2, 60), st.floats(0.1, 10), st.floats(1, 100))
+def test_beta_rises_on_a_line_over_the_run_and_stays(
+    iterations: int, beta: float, factor: float
+) -> None:
+    config = RunConfig.bare(
+        "reaching", iterations=iterations, beta=beta, beta_run_final_factor=factor
+    )
+    betas = [config.beta_of(version) for version in range(iterations + 1)]
+    assert betas[0] == beta
+    assert betas[-2] == betas[-1] == pytest.approx(factor * beta)
+    steps = [b - a for a, b in pairwise(betas[:-1])]
+    assert steps == pytest.approx([beta * (factor - 1) / (iterations - 1)] * (iterations - 1))
+    level = RunConfig.bare("reaching", iterations=iterations, beta=beta)
+    assert {level.beta_of(version) for version in range(iterations + 1)} == {beta}
+
+
 RANGES: dict[str, tuple[float, float]] = {
     "frame_px": (0, 128),
     "seed": (0, 2**63 - 1), "frame_channels": (0, 3), "frames_stacked": (0, 16), "frame_skip": (0, 100),
@@ -286,13 +313,14 @@ RANGES: dict[str, tuple[float, float]] = {
     "epochs": (1, 10_000), "batch_size": (2, 4096), "replay_iterations": (1, 1000), "hidden_units": (1, 1024),
     "learners": (1, 64),
     "max_over_frames": (1, 100), "action_bins": (0, 64), "evaluate_every": (0, 100_000),
-    "evaluate_episodes": (1, 1000), "n_step": (1, 100), "gap_floor": (0, 1e6),
+    "evaluate_episodes": (1, 1000), "n_step": (1, 100),
+    "beta_run_final_factor": (1, 1000), "gap_floor": (0, 1e6),
     "replay_transitions": (0, 10_000_000), "max_updates": (0, 10_000_000),
     "robots": (1, 64), "alpha": (0, 1), "epsilon_initial": (0, 1), "epsilon_final": (0, 1),
+    "scale_initial": (0, 100), "reward_scale": (0, 1000),
     "lr_update_final_factor": (0, 1), "lr_run_final_factor": (0, 1), "action_delay_ms": (0, 2000),
     # above 0
-    "beta": (math.ulp(0), 1e4), "learning_rate": (math.ulp(0), 1), "scale_initial": (math.ulp(0), 100),
-    "reward_scale": (math.ulp(0), 1000),
+    "beta": (math.ulp(0), 1e4), "learning_rate": (math.ulp(0), 1),
     # below 1
     "gamma": (0, math.nextafter(1, 0)),
 }  # fmt: skip
@@ -334,3 +362,16 @@ def test_options_of_an_algorithm_that_no_file_could_hold_are_refused(
     with pytest.raises(ConfigError, match="algorithm_options") as refused:
         RunConfig.for_task("reaching", algorithm_options=given)
     assert message in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("period_s", "pacing", "expected_s"),
+    [(0.145, "realtime", 1), (0.4, "realtime", 2), (60, "realtime", 300), (60, "lockstep", 1)],
+)
+def test_robot_and_edge_may_be_silent_for_some_control_periods(
+    period_s: float, pacing: str, expected_s: float
+) -> None:
+    config = RunConfig.for_task("reaching", pacing=pacing)
+    task = config.task_spec.model_copy(update={"control_period_s": period_s})
+    slow = config.model_copy(update={"task_spec": task})
+    assert slow.longest_silence_s == pytest.approx(expected_s)

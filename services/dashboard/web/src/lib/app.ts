@@ -1,5 +1,6 @@
 /** What every view needs, made once per page: server, session, live connection, URL, keyboard, messages. */
 
+import { Alerts } from './alerts';
 import { ApiClient } from './api/client';
 import type { ConfigSchema } from './api/types';
 import { StrokeBook, type KeyStorage } from './colour';
@@ -20,6 +21,7 @@ export class App {
   readonly keyboard = new Keyboard(document);
   readonly toasts = new Toasts();
   readonly storage: KeyStorage = safeStorage();
+  readonly alerts = new Alerts(this.toasts, this.storage, (href) => this.router.open(href));
   readonly theme = new Theme(document.documentElement, this.storage);
   readonly strokes = new StrokeBook(this.storage);
   readonly connection = new Value<ConnectionStatus | null>(null);

@@ -29,6 +29,16 @@ test('lines shown together differ in colour or dash, whatever their order', () =
   );
 });
 
+test('few lines have colours of which no two are alike: one blue, one of orange, ochre and yellow', () => {
+  const few = fc.uniqueArray(fc.string(), { minLength: 2, maxLength: 5 });
+  fc.assert(
+    fc.property(few, (shown) => {
+      const colours = [...new StrokeBook().assign(shown).values()].map(({ colour }) => colour);
+      expect(colours.filter((colour) => [4, 5, 7].includes(colour))).toEqual([]);
+    }),
+  );
+});
+
 test('filtering changes no stroke', () => {
   fc.assert(
     fc.property(keys, fc.func(fc.boolean()), (shown, keep) => {

@@ -20,7 +20,9 @@ export const COLOUR_NAMES = {
 
 export const DASHES: readonly (readonly number[])[] = [[], [8, 4], [2, 3], [10, 3, 2, 3]];
 const COLOURS = PALETTE.light.length;
-const HUES = COLOURS - 1; // grey is nobody's first choice
+/** The order in which colours are given: last those that a thin line hardly tells from another, and grey. */
+const ORDER = [0, 1, 2, 3, 6, 4, 5, 7] as const;
+const HUES = 5; // blue, orange, green, pink, black or yellow
 const SLOTS = COLOURS * DASHES.length;
 
 export type ThemeName = keyof typeof PALETTE;
@@ -98,15 +100,17 @@ export class StrokeBook {
   }
 }
 
-/** The first free slot from `preferred` on: all colours of one dash pattern before the next pattern. */
-function freeSlot(preferred: number, used: Set<number>): number {
+/** The first free slot from a hue on: all colours of one dash pattern before the next pattern. */
+function freeSlot(hue: number, used: Set<number>): number {
+  const hues = ORDER.slice(0, HUES);
+  const order = [...hues.slice(hue), ...hues.slice(0, hue), ...ORDER.slice(HUES)];
   for (let dash = 0; dash < DASHES.length; dash++) {
-    for (let step = 0; step < COLOURS; step++) {
-      const slot = dash * COLOURS + ((preferred + step) % COLOURS);
+    for (const colour of order) {
+      const slot = dash * COLOURS + colour;
       if (!used.has(slot)) return slot;
     }
   }
-  return preferred;
+  return order[0] ?? 0;
 }
 
 function strokeOf(slot: number): Stroke {

@@ -47,7 +47,8 @@ test.each([
   [100, 112.9, '12 s ago'],
   [100, 100 + 3 * 60 + 59, '3 min ago'],
   [100, 100 + 26 * 3600, '1 d ago'],
-  [200, 100, 'now'],
+  [130, 100, 'now'],
+  [7300, 100, 'in 2 h'],
 ])('age(%s) at %s is %s', (at, now, text) => expect(plain(format.age(at, now))).toBe(text));
 
 test.each([

@@ -118,10 +118,13 @@ function two(major: number, majorUnit: string, minor: number, minorUnit: string)
   return minor === 0 ? head : `${head} ${String(minor).padStart(2, '0')}${THIN}${minorUnit}`;
 }
 
+const AHEAD_S = 60; // of clocks of two machines, and of news on their way
+
 /** How long ago, in one unit: "now", "12 s ago", "3 min ago", "5 d ago". */
 export function age(unixS: MaybeNumber, nowUnixS: number): string {
   if (isMissing(unixS)) return MISSING;
   const seconds = nowUnixS - unixS;
+  if (seconds < -AHEAD_S) return `in ${duration(-seconds)}`; // a clock that goes fast
   if (seconds < 1) return 'now';
   const steps: [number, string][] = [
     [86400, 'd'],
@@ -146,6 +149,21 @@ export function dateTime(unixS: MaybeNumber): string {
 export function clockTime(unixS: number): string {
   const moment = new Date(unixS * 1000);
   return `${moment.toTimeString().slice(0, 8)}.${String(moment.getMilliseconds()).padStart(3, '0')}`;
+}
+
+/** Day and time of day, as lines of a log have them: "11-26 14:03:22.123". */
+export function dayAndClock(unixS: number): string {
+  const moment = new Date(unixS * 1000);
+  const two = (n: number): string => String(n).padStart(2, '0');
+  return `${two(moment.getMonth() + 1)}-${two(moment.getDate())} ${clockTime(unixS)}`;
+}
+
+/** The reader's time zone, in which all times are shown. */
+export function timeZone(): string {
+  const zone = new Intl.DateTimeFormat(undefined, { timeZoneName: 'short' })
+    .formatToParts(new Date())
+    .find((part) => part.type === 'timeZoneName')?.value;
+  return zone ?? 'local time';
 }
 
 /** The end of a run's id: UUIDv7 begin alike when they were made together. */

@@ -146,6 +146,12 @@ const KNOWN: Metric[] = [
     unit: 'versions',
     about: 'how far edges were behind their learner when it handed them episodes, on average',
   },
+  {
+    name: 'attempt',
+    title: 'Attempt',
+    unit: '',
+    about: 'how often a learner has begun or resumed the run',
+  },
   { name: 'weights_version', title: 'Weights version', unit: '', about: 'policy updates done' },
 ];
 

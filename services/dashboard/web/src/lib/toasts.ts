@@ -5,7 +5,7 @@ import { Value, type Observable } from './observable';
 
 export interface Toast {
   id: number;
-  kind: 'done' | 'problem';
+  kind: 'done' | 'problem' | 'progress';
   text: string;
   detail: string;
   action: { label: string; run: () => void } | null;
@@ -27,6 +27,26 @@ export class Toasts {
   done(text: string, undo?: () => void): void {
     const action = undo ? { label: 'Undo', run: undo } : null;
     this.#add({ kind: 'done', text, detail: '', action, forMs: undo ? UNDO_MS : DONE_MS });
+  }
+
+  /** Something that takes a while: says how far it is until it ends. */
+  progress(text: string, cancel: () => void): { say: (text: string) => void; end: () => void } {
+    const id = this.#next;
+    const action = { label: 'Cancel', run: cancel };
+    this.#add({ kind: 'progress', text, detail: '', action, forMs: Infinity });
+    return {
+      say: (now) =>
+        this.#all.update((all) =>
+          all.map((toast) => (toast.id === id ? { ...toast, text: now } : toast)),
+        ),
+      end: () => this.dismiss(id),
+    };
+  }
+
+  /** Something happened elsewhere that somebody should see to; it stays until it is dismissed. */
+  alert(text: string, open: () => void): void {
+    const action = { label: 'Show', run: open };
+    this.#add({ kind: 'problem', text, detail: '', action, forMs: Infinity });
   }
 
   /** What went wrong; it stays until it is dismissed. */

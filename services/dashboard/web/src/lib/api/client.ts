@@ -97,6 +97,63 @@ export class ApiClient {
       this.get<t.ConfigDiff>(`/runs/${id}/config-diff`, { other }, signal),
   };
 
+  /** Of all runs that meet a filter, however many they are. */
+  overview = (runs: t.RunQuery, signal?: AbortSignal) =>
+    this.get<t.Overview>('/runs/overview', runQuery(runs), signal);
+
+  runIds = (runs: t.RunQuery) => this.get<{ ids: string[] }>('/runs/ids', runQuery(runs));
+
+  failures = (runs: t.RunQuery, signal?: AbortSignal) =>
+    this.get<{ items: t.FailureReason[] }>('/runs/failures', runQuery(runs), signal);
+
+  values = (
+    subject: { runs?: string[]; filter?: Record<string, string | boolean> },
+    columns: string[],
+    signal?: AbortSignal,
+  ) =>
+    this.json<t.RunValues>('POST', '/runs/values', {
+      body: { ...subject, columns },
+      ...(signal ? { signal } : {}),
+    });
+
+  compare = (query: t.ComparisonQuery, signal?: AbortSignal) =>
+    this.json<t.Comparison>('POST', '/comparison', {
+      body: query,
+      ...(signal ? { signal } : {}),
+    });
+
+  episodeDistributions = (query: unknown, signal?: AbortSignal) =>
+    this.json<t.EpisodeDistributions>('POST', '/comparison/episodes', {
+      body: query,
+      ...(signal ? { signal } : {}),
+    });
+
+  tags = {
+    all: (signal?: AbortSignal) => this.get<{ items: t.TagCount[] }>('/tags', undefined, signal),
+    change: (ids: string[], add: string[], remove: string[]) =>
+      this.post<{ changed: number }>('/runs/tags', { ids, add, remove }),
+  };
+
+  views = {
+    all: (signal?: AbortSignal) => this.get<{ items: t.SavedView[] }>('/views', undefined, signal),
+    save: (name: string, query: string) => this.post<t.SavedView>('/views', { name, query }),
+    replace: ({ id, name }: t.SavedView, query: string) =>
+      this.json<t.SavedView>('PUT', `/views/${id}`, { body: { name, query } }),
+    delete: (id: string) => this.json<void>('DELETE', `/views/${id}`),
+  };
+
+  queue = {
+    get: (signal?: AbortSignal) => this.get<t.Queue>('/queue', undefined, signal),
+    move: (ids: string[], to: 'front' | 'back') => this.post<t.Queue>('/queue/move', { ids, to }),
+  };
+
+  /** What a run with this configuration would wait for; refused as creating it would be. */
+  checkRun = (config: t.Config, signal?: AbortSignal) =>
+    this.json<{ notices: string[] }>('POST', '/runs/check', {
+      body: config,
+      ...(signal ? { signal } : {}),
+    });
+
   trash = {
     contents: (signal?: AbortSignal) =>
       this.get<{ items: t.RemovedRun[] }>('/trash', undefined, signal),

@@ -11,6 +11,7 @@ export type EpisodeList = Schemas['EpisodeList'];
 /** T steps: there are T + 1 frames, and T of everything else. */
 export type EpisodeDetail = Schemas['EpisodeSteps'];
 export type LogRecord = Schemas['LogItem'];
+export type LogPage = Schemas['LogPage'];
 
 /** Frames of an episode, uint8[count, channels, height, width], each once. */
 export interface EpisodeFrames {
@@ -58,10 +59,7 @@ export class RunRecords {
     return readFrames(response.headers.get('X-Frames-Shape') ?? '', await response.arrayBuffer());
   }
 
-  logs(
-    query: LogQuery,
-    signal?: AbortSignal,
-  ): Promise<{ items: LogRecord[]; next_cursor: string | null }> {
+  logs(query: LogQuery, signal?: AbortSignal): Promise<LogPage> {
     return this.api.get(`/runs/${this.run}/logs`, { ...query }, signal);
   }
 }

@@ -22,15 +22,45 @@ export type RemovedRun = Schemas['RemovedRun'];
 export type MetricNames = Schemas['MetricNames'];
 export type ConfigDiff = Schemas['ConfigDiff'];
 
+export type Comparison = Schemas['ComparisonAnswer'];
+export type ComparedGroup = Schemas['GroupShown'];
+export type ComparisonQuery = Omit<
+  Required<Schemas['ComparisonQuery']>,
+  'filter' | 'runs' | 'group_by'
+> & {
+  group_by: string[] | 'all_but_seed' | null;
+  runs?: string[];
+  filter?: Record<string, string | boolean>;
+};
+/** What of a run's metric is meant: the newest value, an extreme, or the mean of so many newest. */
+export type MetricValue = ComparisonQuery['value'];
+export type EpisodeDistributions = Schemas['EpisodesAnswer'];
+export type Overview = Omit<Schemas['Overview'], 'states' | 'differing' | 'same'> & {
+  states: Partial<Record<RunState, number>>;
+  differing: { key: string; distinct: number; values: { value: ConfigValue; runs: number }[] }[];
+  same: Config;
+};
+export type FailureReason = Schemas['FailureReason'];
+export type TagCount = Schemas['TagCount'];
+export type SavedView = Schemas['ViewShown'];
+export type Queue = Omit<Schemas['QueueShown'], 'items'> & { items: Run[] };
+export type RunValues = Omit<Schemas['ValuesAnswer'], 'columns'> & {
+  columns: Record<string, (string | number | boolean | null)[]>;
+};
+
 /** Filters, order and page of a list of runs; keys of `config` are configuration keys. */
 export interface RunQuery {
   search?: string;
+  /** In the query language: `alpha>0.5 and tag:paper`. */
+  query?: string;
   state?: string;
   task?: string;
   algorithm?: string;
   sweep_id?: string;
   archived?: boolean;
   sort?: string;
+  /** Columns of metrics, separated by commas: what they came to is in each run's `values`. */
+  columns?: string;
   config?: Record<string, string>;
   limit?: number;
   cursor?: string;
@@ -56,6 +86,7 @@ export interface JsonSchemaProperty {
 }
 
 export type SystemStatus = Schemas['SystemStatus'];
+export type DiskStatus = Schemas['DiskStatus'];
 
 export type TaskInfo = Schemas['RunTask'];
 

@@ -11,7 +11,8 @@ export function csv(header: readonly string[], rows: Iterable<readonly Cell[]>):
 
 function quoted(cell: Cell): string {
   if (cell === null || cell === undefined) return '';
-  const text = String(cell);
+  // What a spreadsheet would take for a formula is a text.
+  const text = typeof cell === 'string' && /^[=+\-@\t\r\n]/.test(cell) ? `'${cell}` : String(cell);
   return /[",\r\n]/.test(text) ? `"${text.replaceAll('"', '""')}"` : text;
 }
 

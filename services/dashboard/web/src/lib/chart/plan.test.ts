@@ -67,5 +67,6 @@ test('CSV has all points, unsmoothed, and quotes what needs it', () => {
       'alpha 0.9,1,3,2,4,2\r\n',
   );
   expect(csv(['a'], [['say "x"'], [null], [1e-9]])).toBe('a\r\n"say ""x"""\r\n\r\n1e-9\r\n');
+  expect(csv(['a'], [['=1+1', -1]])).toBe("a\r\n'=1+1,-1\r\n");
   expect(fileName('max |P|, λ', 'csv')).toBe('max-p-λ.csv');
 });

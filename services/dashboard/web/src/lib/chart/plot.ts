@@ -2,12 +2,18 @@
 
 import uPlot from 'uplot';
 import 'uplot/dist/uPlot.min.css';
+import type { Column } from '../api/types';
 import { PALETTE, withAlpha, type ThemeName } from '../colour';
-import { number } from '../format';
+import { bytes, duration, number } from '../format';
 import { count } from '../stats';
+import type { Drawing, Ink } from '../vector/drawing';
+import { alone } from './gaps';
+import { drawMarks, type Mark } from './marks';
 import { picture } from './picture';
 import { planOf, shapeOf, type Line, type Part, type Plan } from './plan';
-import { rangeOfValues, widened, type Range } from './range';
+import { widened, type Range } from './range';
+import { vectorOf } from './vector';
+import { distributionOf, linearUpTo, yRange, type Distribution, type YScale } from './scale';
 
 export type { Range };
 
@@ -16,9 +22,11 @@ export interface PlotState {
   hidden: ReadonlySet<string>;
   smoothing: number;
   range: Range | null; // x that is shown; null: all
-  logarithmic: boolean;
+  yScale: YScale;
+  marks: readonly Mark[];
   unit: string;
-  wholeX: boolean; // x counts something: no fractions at its axis
+  xName: string;
+  xUnit: string; // 's': a time; '': x counts something, without fractions at its axis
   theme: ThemeName;
   heightPx: number;
 }
@@ -35,6 +43,12 @@ export interface PlotEvents {
 const WHOLE_STEPS = Array.from({ length: 10 }, (_, power) =>
   [1, 2, 5].map((step) => step * 10 ** power),
 ).flat();
+const TIME_STEPS = [1, 60, 3600, 86_400].flatMap((unit) =>
+  (unit === 1 || unit === 60 ? [1, 2, 5, 10, 15, 30] : [1, 2, 3, 6, 12, 24, 48, 120, 240]).map(
+    (step) => step * unit,
+  ),
+);
+const SMALL_STEPS = [1e-3, 1e-2, 0.1].flatMap((size) => [1, 2, 5].map((step) => step * size));
 const RAW_ALPHA = 0.28;
 const BAND_ALPHA = 0.18;
 const MANY_BANDS = 3; // from there on they are fainter, so that lines stay in front
@@ -62,19 +76,21 @@ export class Plot {
 
   update(state: PlotState): void {
     const before = this.#state;
-    const shape = shapeOf(state.lines, state.smoothing) + String(state.logarithmic);
     if (before?.lines !== state.lines || before.smoothing !== state.smoothing) {
       this.#plan = planOf(state.lines, state.smoothing);
     }
     this.#state = state;
+    const distribution = distributionOf(state.yScale, this.#values());
+    const shape = `${shapeOf(state.lines, state.smoothing)} ${distribution} ${state.xUnit}`;
     if (!this.#chart || shape !== this.#shape) {
       this.#shape = shape;
-      this.#rebuild();
+      this.#rebuild(distribution);
       return;
     }
     const chart = this.#chart;
     chart.batch(() => {
-      if (chart.data !== this.#plan.columns)
+      // Anew where y is shown otherwise, too: its range is computed with the data's.
+      if (chart.data !== this.#plan.columns || before?.yScale !== state.yScale)
         chart.setData(this.#plan.columns as uPlot.AlignedData, true);
       else {
         const [min, max] = this.#range();
@@ -85,7 +101,7 @@ export class Plot {
         if (chart.series[i + 1]?.show !== show) chart.setSeries(i + 1, { show });
       });
     });
-    if (before?.theme !== state.theme) chart.redraw(false, true);
+    if (before?.theme !== state.theme || before.marks !== state.marks) chart.redraw(false, true);
     if (before?.heightPx !== state.heightPx) this.#resize();
   }
 
@@ -111,15 +127,56 @@ export class Plot {
     });
   }
 
+  /** What is drawn, as vectors; null if nothing is. */
+  drawing(ink: Ink): Drawing | null {
+    const [chart, state] = [this.#chart, this.#state];
+    if (!chart || !state) return null;
+    const left = chart.over.offsetLeft;
+    const top = chart.over.offsetTop;
+    const scale = (key: 'x' | 'y', shift: number, text: (value: number) => string) => ({
+      low: chart.scales[key]?.min ?? 0,
+      high: chart.scales[key]?.max ?? 1,
+      at: (value: number) => shift + chart.valToPos(value, key),
+      text,
+    });
+    return vectorOf(
+      {
+        widthPx: chart.width,
+        heightPx: chart.height,
+        frame: {
+          left,
+          top,
+          right: left + chart.over.clientWidth,
+          bottom: top + chart.over.clientHeight,
+        },
+        x: scale('x', left, (value) => (state.xUnit === 's' ? duration(value) : number(value, 6))),
+        y: scale('y', top, (value) => this.#tick(value)),
+        distribution: distributionOf(state.yScale, this.#values()),
+        plan: this.#plan,
+        lines: state.lines,
+        hidden: state.hidden,
+        colour: (line) => this.#colour(line),
+        bandAlpha: this.#bandAlpha(),
+        rawAlpha: RAW_ALPHA,
+      },
+      ink,
+    );
+  }
+
   destroy(): void {
     this.#sizes.disconnect();
     this.#chart?.destroy();
     this.#chart = null;
   }
 
-  #rebuild(): void {
+  /** What is drawn of y. */
+  #values(): readonly Column[] {
+    return this.#plan.columns.slice(1).map((column) => column.map((value) => value ?? null));
+  }
+
+  #rebuild(distribution: Distribution): void {
     this.#chart?.destroy();
-    const options = this.#options();
+    const options = this.#options(distribution);
     this.#chart = new uPlot(options, this.#plan.columns as uPlot.AlignedData, this.element);
   }
 
@@ -153,6 +210,7 @@ export class Plot {
   /** A value at the y axis; shares are written as percent, as in the title. */
   #tick(value: number | null): string {
     if (value === null) return '';
+    if (this.#state?.unit === 'bytes') return bytes(value);
     return number(this.#state?.unit === 'share' ? value * 100 : value, 5);
   }
 
@@ -160,7 +218,35 @@ export class Plot {
     return getComputedStyle(this.element).getPropertyValue(name).trim();
   }
 
-  #options(): uPlot.Options {
+  /** What is written at places of x. */
+  #xTicks(ticks: readonly number[]): string[] {
+    const time = this.#state?.xUnit === 's';
+    return ticks.map((tick) => (time && tick !== 0 ? duration(tick) : number(tick, 6)));
+  }
+
+  #yScaleOptions(distribution: Distribution): uPlot.Scale {
+    const range: uPlot.Range.Function = (_chart, low, high) => {
+      const scale = this.#state?.yScale ?? { logarithmic: false, clipped: false, range: null };
+      return yRange(scale, this.#values(), low, high);
+    };
+    if (distribution === 'linear') return { distr: 1, range };
+    const chosen = this.#state?.yScale.range;
+    const fixed = chosen ? { range: (): uPlot.Range.MinMax => [...chosen] } : {};
+    if (distribution === 'log') return { distr: 3, ...fixed };
+    return { distr: 4, asinh: linearUpTo(this.#values()), ...fixed };
+  }
+
+  #drawMarks(chart: uPlot): void {
+    const style = {
+      colour: this.#token('--muted'),
+      font: `${11 * uPlot.pxRatio}px ${this.#token('--font') || 'sans-serif'}`,
+      scale: uPlot.pxRatio,
+    };
+    const at = (x: number): number => chart.valToPos(x, 'x', true);
+    drawMarks(chart.ctx, this.#state?.marks ?? [], at, chart.bbox, style);
+  }
+
+  #options(distribution: Distribution): uPlot.Options {
     const state = this.#state;
     const { events } = this;
     const axis: uPlot.Axis = {
@@ -177,17 +263,28 @@ export class Plot {
       padding: [10, 12, 0, 0],
       scales: {
         x: { time: false, range: () => this.#range() },
-        y: state?.logarithmic
-          ? { distr: 3 }
-          : { distr: 1, range: (_chart, low, high) => rangeOfValues(low, high) },
+        y: this.#yScaleOptions(distribution),
       },
       axes: [
         {
           ...axis,
           size: 28,
-          space: 64,
-          ...(state?.wholeX ? { incrs: WHOLE_STEPS } : {}),
-          values: (_chart, ticks) => ticks.map((tick) => number(tick, 6)),
+          space: state?.xUnit === 's' ? 84 : 64,
+          label: () => this.#state?.xName ?? '',
+          labelSize: 16,
+          labelGap: -2,
+          labelFont: `11px ${this.#token('--font') || 'sans-serif'}`,
+          ...(state?.xUnit === '' ? { incrs: WHOLE_STEPS } : {}),
+          ...(state?.xUnit === 's'
+            ? {
+                incrs: [
+                  ...SMALL_STEPS,
+                  ...TIME_STEPS,
+                  ...WHOLE_STEPS.map((step) => step * 864_000),
+                ],
+              }
+            : {}),
+          values: (_chart, ticks) => this.#xTicks(ticks),
         },
         {
           ...axis,
@@ -214,7 +311,8 @@ export class Plot {
         setCursor: [(chart) => events.cursor(chart.cursor.idx ?? null)],
         setSelect: [(chart) => this.#selected(chart)],
         draw: [
-          () => {
+          (chart) => {
+            this.#drawMarks(chart);
             count('charts drawn');
             events.drawn();
           },
@@ -233,9 +331,12 @@ export class Plot {
       stroke: edge
         ? 'transparent'
         : () => (part === 'raw' ? withAlpha(this.#colour(line), RAW_ALPHA) : this.#colour(line)),
-      width: part === 'raw' ? 1 : edge ? 0 : 1.75,
+      width: part === 'raw' ? 1 : edge ? 0 : 2,
       dash: part === 'value' ? [...(one?.stroke.dash ?? [])] : [],
-      points: { show: part === 'value' && (one?.x.length ?? 0) < 2, size: 6 },
+      points:
+        part === 'value'
+          ? { show: true, size: 5, filter: (chart, at) => alone(chart.data[at] ?? []) }
+          : { show: false },
     };
   }
 

@@ -21,6 +21,11 @@ test('zeros alone are shown up to one, which is 100 % of a share', () => {
   expect(rangeOfValues(0, 0)).toEqual([0, 1]);
 });
 
+test('a value that never changes is shown in its own size', () => {
+  expect(rangeOfValues(20, 20)).toEqual([18, 22]);
+  expect(rangeOfValues(-0.5, -0.5)).toEqual([-0.55, -0.45]);
+});
+
 test('without values there is nothing to show of y', () => {
   expect(rangeOfValues(null, null)).toEqual([null, null]);
 });

@@ -12,8 +12,13 @@ export function widened(low: number | null, high: number | null): Range {
   return low === high ? [low - 1, high + 1] : [low, high];
 }
 
-/** A range of y with room around the values. Zeros alone get one unit: uPlot's hundred would be 10,000 % of a share. */
+/**
+ * A range of y with room around the values. One value alone gets a tenth of itself on either side, and zeros one unit:
+ * uPlot would show twice the value, and a hundred, which is 10,000 % of a share.
+ */
 export function rangeOfValues(low: number | null, high: number | null): uPlot.Range.MinMax {
   if (low === null || high === null) return [null, null];
-  return low === 0 && high === 0 ? [0, 1] : uPlot.rangeNum(low, high, ROOM, true);
+  if (low === 0 && high === 0) return [0, 1];
+  if (low === high) return [low - ROOM * Math.abs(low), low + ROOM * Math.abs(low)];
+  return uPlot.rangeNum(low, high, ROOM, true);
 }

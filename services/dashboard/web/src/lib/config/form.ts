@@ -41,6 +41,7 @@ const SECTIONS: { title: string; open: boolean; keys: string[] }[] = [
       'replay_transitions',
       'reward_scale',
       'disturb',
+      'augment',
     ],
   },
   {
@@ -50,6 +51,7 @@ const SECTIONS: { title: string; open: boolean; keys: string[] }[] = [
       'epochs',
       'max_updates',
       'batch_size',
+      'beta_run_final_factor',
       'gamma',
       'n_step',
       'gap_floor',

@@ -9,8 +9,10 @@ import {
   step,
   toggle,
 } from './playback';
-import { actionName, choicesOf, outputsTaken, softmax, softmaxOfEach } from './policy';
-import { linesOf, matches, merge } from './tail';
+import { actionName, betaOf, choicesOf, outputsTaken, softmax, softmaxOfEach } from './policy';
+import { Following } from './following';
+import { RunLog } from './log';
+import { linesOf, matches, merge, rowsOf } from './tail';
 
 test('the policy is the softmax of beta P, whatever is added to P', () => {
   expect(softmax([Math.log(1), Math.log(3)], 1)).toEqual(
@@ -18,6 +20,12 @@ test('the policy is the softmax of beta P, whatever is added to P', () => {
   );
   expect(softmax([1000, 1000 + Math.log(3)], 1)[1]).toBeCloseTo(0.75);
   expect(softmax([0, Math.log(3)], 2)[1]).toBeCloseTo(0.9);
+});
+
+test('beta rises on a line to its factor in the last iteration, and stays', () => {
+  const config = { beta: 2, beta_run_final_factor: 3, iterations: 5 };
+  expect([0, 2, 4, 5].map((version) => betaOf(config, version))).toEqual([2, 4, 6, 6]);
+  expect(betaOf({ beta: 2, iterations: 1 }, 1)).toBe(2);
 });
 
 test('an action of several dimensions is one choice in each, and each has a softmax of its own', () => {
@@ -105,4 +113,74 @@ test('a line passes by service, severity and text', () => {
   expect(matches(warning!, { ...everything, level: 'INFO' })).toBe(true);
   expect(matches(warning!, { ...everything, search: 'frame r' })).toBe(true);
   expect(matches(warning!, { ...everything, service: 'learner-0' })).toBe(false);
+});
+
+test('every line of a traceback is a row of its own', () => {
+  const [traceback] = linesOf([record(1, 'a', 'ERROR', 'failed\nTraceback:\r\n  File "x"\n')]);
+  const rows = rowsOf([traceback!]);
+  expect(rows.map((row) => row.text)).toEqual(['failed', 'Traceback:', '  File "x"', '']);
+  expect(rows.map((row) => row.first)).toEqual([true, false, false, false]);
+  expect(new Set(rows.map((row) => row.key)).size).toBe(4);
+});
+
+test('a list is followed until the reader moves it, whatever else moves it', () => {
+  const reader = new Following();
+  expect(reader.scrolled(false, 0)).toBe(true); // lines came: back to the end
+  expect(reader.on).toBe(true);
+  reader.moved(1000);
+  expect(reader.scrolled(false, 1100)).toBe(false);
+  expect(reader.on).toBe(false);
+  expect(reader.scrolled(true, 5000)).toBe(false); // lines that went made the end come nearer
+  expect(reader.on).toBe(false);
+  reader.moved(6000);
+  reader.scrolled(true, 6100); // the reader went to the end
+  expect(reader.on).toBe(true);
+  reader.hold(true, 7000);
+  reader.scrolled(false, 9000);
+  expect(reader.on).toBe(false);
+  reader.hold(false, 9000);
+  reader.resume();
+  expect(reader.scrolled(false, 9100)).toBe(true);
+});
+
+test('the server searches the log, page by page until it finds something', async () => {
+  const asked: unknown[] = [];
+  const pages = [
+    { items: [], next_cursor: 'p1', services: ['learner'] },
+    { items: [record(3, 'c'), record(2, 'b')], next_cursor: 'p2', services: ['learner'] },
+    { items: [record(1, 'a')], next_cursor: null, services: ['learner'] },
+  ];
+  const log = new RunLog(
+    (query) => {
+      asked.push(query);
+      return Promise.resolve(pages[asked.length - 1]!);
+    },
+    { service: '', level: 'ERROR', search: 'iteration 0' },
+  );
+  await log.start();
+  expect(asked).toMatchObject([{ level: 'ERROR', search: 'iteration 0' }, { cursor: 'p1' }]);
+  const ids = () => log.state.value.lines.map((line) => line.id);
+  expect(ids()).toEqual(['b', 'c']);
+  expect(log.state.value).toMatchObject({ older: true, loading: false, services: ['learner'] });
+  await log.readOlder();
+  expect(ids()).toEqual(['a', 'b', 'c']);
+  expect(log.state.value.older).toBe(false);
+  expect(log.take([record(4, 'd'), record(5, 'e', 'ERROR', 'in iteration 0')])).toBe(1);
+  expect(ids()).toEqual(['a', 'b', 'c', 'e']);
+});
+
+test('all of the log is saved, not what was loaded', async () => {
+  let asked = 0;
+  const log = new RunLog(
+    () =>
+      Promise.resolve({
+        items: [record(9 - asked, `l${asked}`)],
+        next_cursor: ++asked < 5 ? String(asked) : null,
+        services: [],
+      }),
+    { service: '', level: '', search: '' },
+  );
+  const { lines, complete } = await log.all(100, () => {});
+  expect(lines.map((line) => line.id)).toEqual(['l4', 'l3', 'l2', 'l1', 'l0']);
+  expect(complete).toBe(true);
 });

@@ -21,6 +21,22 @@ export interface LogFilter {
   search: string;
 }
 
+/** One line of text of what a service said: a traceback has many, each of which is a row of its own. */
+export interface LogRow {
+  key: string;
+  line: LogLine;
+  text: string;
+  first: boolean;
+}
+
+export function rowsOf(lines: readonly LogLine[]): LogRow[] {
+  return lines.flatMap((line) =>
+    line.message
+      .split(/\r\n|[\n\v\f\r\u0085\u2028\u2029]/)
+      .map((text, i) => ({ key: `${line.id}+${i}`, line, text, first: i === 0 })),
+  );
+}
+
 /** Log levels from least to most severe. */
 export const LEVELS = ['DEBUG', 'INFO', 'WARNING', 'ERROR', 'CRITICAL'] as const;
 
@@ -52,5 +68,6 @@ export function merge(
 ): LogLine[] {
   const known = new Set(lines.map((line) => line.id));
   const all = [...lines, ...more.filter((line) => !known.has(line.id))];
-  return all.sort((one, other) => one.orderUnixS - other.orderUnixS).slice(-longest);
+  all.sort((one, other) => one.orderUnixS - other.orderUnixS);
+  return all.slice(-longest);
 }

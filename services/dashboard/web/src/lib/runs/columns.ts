@@ -1,7 +1,7 @@
 /** Columns of the table of runs: what they are called, say, and sort by. */
 
 import type { Run } from '../api/types';
-import { configValue, integer, number, quantity, shortId } from '../format';
+import { bytes, configValue, integer, number, quantity, shortId } from '../format';
 import { returnOf } from '../metrics';
 
 export type CellKind = 'name' | 'state' | 'progress' | 'number' | 'age' | 'tags' | 'sweep' | 'text';
@@ -93,6 +93,15 @@ export const COLUMNS: readonly Column[] = [
     text: (run) => integer(run.attempt),
     about: 'learners that have owned the run',
   },
+  {
+    key: 'disk',
+    title: 'On disk',
+    kind: 'number',
+    sort: 'disk_bytes',
+    descendingFirst: true,
+    text: (run) => bytes(run.disk_bytes),
+    about: 'of its folder: episodes, weights, checkpoint, logs',
+  },
   { key: 'id', title: 'Id', kind: 'text', text: (run) => run.id },
 ];
 
@@ -127,7 +136,7 @@ export function columnOf(key: string): Column | null {
 
 /** What a run is called; those without a name by task and the end of their id. */
 export function nameOf(run: Pick<Run, 'id' | 'name' | 'task'>): string {
-  return run.name || `${run.task} ${shortId(run.id)}`;
+  return run.name.trim() || `${run.task} ${shortId(run.id)}`;
 }
 
 function measure(

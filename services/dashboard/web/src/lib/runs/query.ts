@@ -20,6 +20,8 @@ export function filterOf(view: View): RunQuery {
   const query: RunQuery = {};
   const search = view.text('search');
   if (search) query.search = search;
+  const words = view.text('query');
+  if (words) query.query = words;
   const states = view.list('state');
   if (states.length > 0) query.state = states.join(',');
   for (const key of ['task', 'algorithm', 'sweep_id'] as const) {

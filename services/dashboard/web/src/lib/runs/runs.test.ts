@@ -35,9 +35,12 @@ function aRun(i: number, change: Partial<Run> = {}): Run {
     notes: '',
     tags: [],
     sweep_id: null,
+    priority: 0,
+    values: {},
     archived_at_unix_s: null,
     created_at_unix_s: 0,
     updated_at_unix_s: 0,
+    disk_bytes: null,
     rev: 1,
     ...change,
   };

@@ -8,7 +8,7 @@ export interface Hop {
   slot: number | null;
   count: number;
   p50Us: number;
-  p95Us: number | null;
+  p95Us: number;
   p99Us: number;
   /** 0: one clock measured it. */
   uncertaintyUs: number;
@@ -50,14 +50,20 @@ function ofNode(edge: Node, key: string, name: string): Hop[] {
 }
 
 function ofLink(edge: Node, link: Link, name: string): Hop {
-  const { count = 0, p50_us = NaN, p99_us = NaN, uncertainty_us = 0 } = link.latency ?? {};
+  const {
+    count = 0,
+    p50_us = NaN,
+    p95_us = NaN,
+    p99_us = NaN,
+    uncertainty_us = 0,
+  } = link.latency ?? {};
   const place = { run: edge.run, slot: edge.slot };
   return {
     name,
     ...place,
     count,
     p50Us: p50_us,
-    p95Us: null,
+    p95Us: p95_us,
     p99Us: p99_us,
     uncertaintyUs: uncertainty_us,
   };

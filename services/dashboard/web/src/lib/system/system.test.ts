@@ -128,7 +128,7 @@ test('hops are measured by the edge, or estimated from the link where two clocks
   const measured = { count: 9, p50_us: 100, p95_us: 200, p99_us: 300, max_us: 400 };
   const latencies = { camera_to_edge_us: measured, inference_us: measured };
   const edge = node('edge', 0, 'r1', { latencies });
-  const estimate = { count: 9, p50_us: 5000, p99_us: 6000, uncertainty_us: 5000 };
+  const estimate = { count: 9, p50_us: 5000, p95_us: 5500, p99_us: 6000, uncertainty_us: 5000 };
   const there = { time_unix_s: 0, nodes: [edge], links: [link('frame', robots[0]!, edge)] };
   expect(hopsOf(there).map((hop) => [hop.name, hop.p50Us, hop.uncertaintyUs])).toEqual([
     ['camera → edge', 100, 0],

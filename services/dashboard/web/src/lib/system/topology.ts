@@ -63,7 +63,13 @@ export interface Link {
   bytes_per_s: number;
   dropped: number;
   dropped_per_s: number;
-  latency: { count: number; p50_us: number; p99_us: number; uncertainty_us: number } | null;
+  latency: {
+    count: number;
+    p50_us: number;
+    p95_us: number;
+    p99_us: number;
+    uncertainty_us: number;
+  } | null;
 }
 
 export interface Topology {
@@ -71,6 +77,10 @@ export interface Topology {
   nodes: Node[];
   links: Link[];
 }
+
+/** What is counted as dropped. */
+export const DROPPED =
+  'pictures and states that a newer one replaced before they were read, and requests without an answer in time';
 
 const KINDS: Record<string, string> = {
   robot_sim: 'Robot',

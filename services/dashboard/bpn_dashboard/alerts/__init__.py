@@ -1,0 +1,1 @@
+"""What somebody should hear of at once: told to open pages, and to an address that the operator gave."""
