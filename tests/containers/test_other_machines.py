@@ -1,4 +1,4 @@
-"""A robot's machine in a container of its own joins the containers of the first machine, by the page's commands."""
+"""A robot's machine in a container of its own joins the containers of the first one, by the page's commands."""
 
 import subprocess
 import uuid
@@ -31,7 +31,7 @@ def center(start: Callable[..., Project]) -> Iterator[Project]:
 
 
 @pytest.fixture
-def machine(center: Project) -> Iterator[Callable[[str], str]]:
+def machine() -> Iterator[Callable[[str], str]]:
     """Starts a robot's machine with a token; tells its container."""
     docker("compose", *MACHINE, "build", timeout_s=BUILD_TIMEOUT_S)
     project = f"bpn-test-{uuid.uuid4().hex[:8]}"
@@ -39,7 +39,7 @@ def machine(center: Project) -> Iterator[Callable[[str], str]]:
 
         def begin(token: str) -> str:
             patch.setenv("BPN_TOKEN", token)
-            patch.delenv("BPN_ROBOTS")
+            patch.setenv("BPN_ROBOTS", "1")
             docker("compose", "-p", project, *MACHINE, "up", "-d")
             return docker("compose", "-p", project, *MACHINE, "ps", "-q", "machine").strip()
 
