@@ -41,7 +41,6 @@ function aRun(i: number, change: Partial<Run> = {}): Run {
     created_at_unix_s: 0,
     updated_at_unix_s: 0,
     disk_bytes: null,
-    priority: 0,
     rev: 1,
     ...change,
   };
