@@ -172,10 +172,8 @@ def policy_update(
     device = next(network.parameters()).device
     transitions = transitions.to(device)
     P_target, P_next = target_preferences(network, transitions)
-    y, offset = targets(
-        transitions, P_target, P_next, settings, float(network.offset), network.spec.action_dims
-    )
     dims, actions = network.spec.action_dims, transitions.actions
+    y, offset = targets(transitions, P_target, P_next, settings, float(network.offset), dims=dims)
     taken = outputs_taken(actions, dims) if len(dims) > 1 else actions
     regression = RegressionBatch(transitions.frames, transitions.observations, taken, y)
     if again is not None:
@@ -321,6 +319,7 @@ def targets(
     P_next: Tensor,
     settings: UpdateConfig,
     offset: float = 0.0,
+    *,
     dims: tuple[int, ...] = (),
 ) -> tuple[Tensor, float]:
     """Target y of every transition in D from P-(s, .) and P-(s', .), and what the next P leaves out.
