@@ -80,6 +80,6 @@ def _bars(
     for action, (top, bottom) in enumerate(pairwise(edges)):
         length_px = 2 + round((room_px - 2) * float(values[action] - values.min()) / span)
         colour = _CHOSEN if action in applied else _BAR
-        top += _BETWEEN_PX * (action in firsts)
-        panel[top + 1 : bottom - 1, _GAP_PX : _GAP_PX + length_px] = colour
+        begin = top + 1 + _BETWEEN_PX * (action in firsts)
+        panel[begin : bottom - 1, _GAP_PX : _GAP_PX + length_px] = colour
     return panel
