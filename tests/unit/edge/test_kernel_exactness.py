@@ -66,7 +66,8 @@ def test_a_network_takes_memory_by_its_size(spec: NetworkSpec) -> None:
     blob = WeightBlob.random(spec, np.random.default_rng(0))
     (kernel,) = (PATHS[path] for path in available_paths()[:1])
     kernel.load(blob)
-    assert len(kernel.network.memory()) < 2 * len(blob.encode())
+    padding = 3072  # outputs in blocks of eight, conv1's signs in bytes
+    assert len(kernel.network.memory()) < 1.5 * len(blob.encode()) + padding
 
 
 @settings(max_examples=60, deadline=None)
