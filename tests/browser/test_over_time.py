@@ -152,8 +152,8 @@ def test_a_page_whose_code_is_gone_is_read_anew_once(
     page: Page, dashboard: Any, watch: Any
 ) -> None:
     watch.allow("404|Failed to load")
-    loads = []
-    page.on("load", loads.append)
+    loads: list[object] = []
+    page.on("load", lambda loaded: loads.append(loaded))  # noqa: PLW0108 - it is looked into
     page.goto(dashboard.url)
     expect(page.get_by_role("heading", level=1)).to_be_visible()
     loads.clear()
