@@ -1,8 +1,8 @@
 """`bpn bench loop`: the loop's speed with real processes, past the router and through it, beside bare echoes.
 
 One robot plays the reaching task, in each round once with robot and edge talking past the router, as they do on
-one machine, and once through it; then the yardsticks (`bpn.bench.yardsticks`), with the same bytes, on the same core
-and at the same pace.
+one machine, and once through it; then the yardsticks (`bpn.bench.yardsticks`), with the same bytes, on the same
+core and at the same pace.
 
 Two paces. `hot`: in lockstep, frame after frame, nothing ever sleeps. `own`: the robot's own, a frame in each
 control period and sleep between them, as it works.
@@ -173,7 +173,7 @@ def _play(
         if by_router:
             with yardsticks.on_core(core):
                 times = yardsticks.measure(
-                    endpoint, direct, TASK, sizes, pace.echoes, pace.period_s
+                    endpoint, direct, TASK, sizes, count=pace.echoes, period_s=pace.period_s
                 )
     finally:
         supervisor.stop()

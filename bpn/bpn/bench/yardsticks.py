@@ -1,8 +1,8 @@
 """What the loop's latency is measured by: bare round trips of the same bytes.
 
-A plain Unix socket (what the machine gives), two Zenoh streams over a Unix socket without a router, the same through
-the router, that with the robot's simulation and rendering before each ping (a core that has worked on something
-else, or slept, answers more slowly), and Zenoh's request and reply through the router.
+A plain Unix socket (what the machine gives), two Zenoh streams over a Unix socket without a router, the same
+through the router, that with the robot's simulation and rendering before each ping (a core that has worked on
+something else, or slept, answers more slowly), and Zenoh's request and reply through the router.
 """
 
 import contextlib
@@ -36,6 +36,7 @@ def measure(
     direct: str,
     task: str,
     message_bytes: tuple[int, int],
+    *,
     count: int,
     period_s: float,
 ) -> dict[str, list[float]]:
