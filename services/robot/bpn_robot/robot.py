@@ -51,8 +51,8 @@ class Robot(Protocol):
         """Gives the servos a new goal; nothing moves yet.
 
         Args:
-            action: its number; where the task's actions have several dimensions, `task.choices` says what is chosen
-                in each.
+            action: its number; where the task's actions have several dimensions, `task.choices` says what is
+                chosen in each.
 
         Raises:
             ValueError: the task has no such action.

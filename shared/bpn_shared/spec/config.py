@@ -149,8 +149,8 @@ class RunConfig(ExecutionValues, TrainingValues, AlgorithmValues, TaskOptions):
             network.convolutions != PAPER_CONVOLUTIONS or network.image_px != IMAGE_SIZE_PX
         ):
             raise ValueError(
-                f"kernel = {self.kernel!r} is a circuit of the paper's convolutions over {IMAGE_SIZE_PX} px, this run "
-                f"has conv = {self.conv!r} over {network.image_px} px: choose another kernel, or leave them out"
+                f"kernel = {self.kernel!r} is a circuit of the paper's convolutions over {IMAGE_SIZE_PX} px, this "
+                f"run has conv = {self.conv!r} over {network.image_px} px: choose another kernel, or leave it out"
             )
         return self
 

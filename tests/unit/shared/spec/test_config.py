@@ -59,7 +59,7 @@ def test_every_task_has_a_preset_and_observations_of_its_network(task: TaskSpec)
         ({"pacing": "slow"}, "pacing = 'slow': Input should be 'lockstep' or 'realtime'"),
         (
             {"task": "flying"},
-            "task = 'flying': unknown; one of: arm, gym:[MODULE:]ENVIRONMENT-ID, pan_tilt, pan_tilt_both, reaching",
+            "task = 'flying': unknown; one of: arm, gym:[MODULE:]ENVIRONMENT-ID, pan_tilt",
         ),
         (
             {"algorithm": "sarsa"},
@@ -241,7 +241,9 @@ PRESET_VALUES: dict[str, dict[str, Any]] = {
         "scale_initial": 0.05, "reward_scale": 0.6,
     },
     "gym:Other-v0": {
-        "frames_stacked": 2, "actions": 5, "steps": 200, "bootstrap_terminals": False, "reward_scale": 1.0,
+        "frames_stacked": 2, "actions": 5, "steps": 200, "bootstrap_terminals": False, "reward_scale": 0.0,
+        "scale_initial": 0.0, "hidden_units": 256, "relative_targets": True, "n_step": 8, "episodes": 20,
+        "replay_transitions": 20_000, "max_updates": 500,
     },
 }  # fmt: skip
 
