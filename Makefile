@@ -11,7 +11,7 @@ PACKAGES := shared services/edge services/learner services/robot services/robot_
 SOURCES := $(PACKAGES:%=%/bpn*)
 
 .DEFAULT_GOAL := help
-.PHONY: help up dev check test dist test-dist test-cross docs coverage images check-manifests mutants fuzz test-rtl test-sanitized test-browser test-observability test-weights test-environments test-trackers test-machines test-containers test-chaos test-fresh-machine screenshots lint check-claims version format bench bench-sweep reproduce reproduce-quick doctor clean
+.PHONY: $(shell sed -n 's/^\([a-z-]*\):.*\#\#.*/\1/p' $(firstword $(MAKEFILE_LIST)))
 
 help:            ## this list
 	@grep -hE '^[a-z-]+: .*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 20
@@ -75,6 +75,17 @@ $(ENVIRONMENTS)/.installed: $(DEV)
 test-environments: $(ENVIRONMENTS)/.installed ## one iteration of Gymnasium environments of five other packages (downloads them)
 	BPN_ENVIRONMENTS=$(ENVIRONMENTS)/bin/python $(BIN)/pytest tests/environments
 
+# Without what it asks for, which ours has.
+$(ENVIRONMENTS)/.baselines: $(ENVIRONMENTS)/.installed
+	$(ENVIRONMENTS)/bin/python -m pip install --disable-pip-version-check -q --no-deps stable-baselines3==2.9.2
+	touch $@
+
+# Some of it: make bench-gym GYM="--tasks catch,minigrid --seeds 0,1"
+GYM ?=
+
+bench-gym: $(ENVIRONMENTS)/.baselines ## the gym: preset beside Stable-Baselines3's DQN on six environments, five seeds (hours; goes on where it was)
+	$(ENVIRONMENTS)/bin/python -m bench.gym_recipe $(GYM)
+
 # As the extras wandb and mlflow of bpn-learner.
 TRACKERS := $(VENV)/trackers
 $(TRACKERS)/.installed: $(DEV)
@@ -122,11 +133,12 @@ test-fresh-machine: ## the README's two commands in a bare container, as root an
 	deploy/fresh-machine.sh
 
 # yosys, if the system has none, comes from PyPI.
-test-rtl: $(DEV) ## the core's long suites: networks, swaps and gaps by the hundred, proofs, mutants of the RTL (an hour)
-	$(PIP_LOUD) --no-build-isolation -e 'bpn[fpga]' -e 'services/edge[rtl]'
-	BPN_RTL_SCALE=25 $(BIN)/pytest tests/rtl
+test-rtl: $(DEV) ## the core's long suites: networks, swaps and gaps by the hundred, its buses with cocotb, proofs, coverage, 300 mutants of the RTL (hours; the mutants go on where they were)
+	$(PIP_LOUD) --no-build-isolation -e 'bpn[fpga]' -e 'services/edge[rtl]' cocotb
+	BPN_RTL_SCALE=25 $(BIN)/pytest tests/rtl tests/rtl/protocol/buses.py
 	$(BIN)/python services/edge/rtl/formal/prove.py
-	$(BIN)/python -m tests.rtl.mutants --sample 300
+	$(BIN)/python -m tests.rtl.coverage --out build/rtl-coverage.json
+	$(BIN)/python -m tests.rtl.mutation --sample 300
 
 mutants: $(DEV) ## how many faults the tests notice, sampled and aimed ones (hours; goes on where it was; MUTANTS="--sample N --seed S")
 	$(BIN)/python -m tests.mutants $(MUTANTS)
@@ -194,6 +206,9 @@ bench: $(DEV) ## kernel, learner, loop and dashboard, side by side with what the
 
 bench-sweep: $(DEV) ## a sweep with one learner and with two, in containers (any Docker Engine)
 	PYTHONPATH=tests/support $(BIN)/python bench/sweep.py
+
+additivity: $(DEV) ## the table of docs/factored-actions.md, by dynamic programming
+	$(BIN)/python -m bpn_robot_sim.reaching.additivity
 
 TARGETS := inference averaging reaching latency tracking pan-tilt heatmap
 JOBS ?= 1

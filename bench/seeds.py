@@ -10,7 +10,6 @@ import argparse
 import copy
 import json
 import time
-from collections import deque
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -24,6 +23,7 @@ from bpn_edge.policy import epsilon_greedy_action, softmax_action, softmax_weigh
 from bpn_learner.augmentation import seen_again
 from bpn_learner.factory import initial_policy
 from bpn_learner.networks import PNetwork
+from bpn_learner.replay import ReplayMemory
 from bpn_learner.reward import function_of
 from bpn_learner.reward_scale import RewardScale
 from bpn_learner.transitions import EpisodeData, data_of
@@ -135,10 +135,28 @@ def iterations(
     config: RunConfig, trials: int, levels: Sequence[str], adapt: str, last_trials: int
 ) -> Iterator[dict[str, Any]]:
     """What each iteration came to, and at the end what the policy does under disturbances."""
+    for record, network, D in policies(config, trials):  # noqa: B007 - the last ones
+        yield record
+    for of_camera in levels:
+        yield {"trained": True} | kept(config, network.export(), of_camera, last_trials)
+    if adapt:
+        adapted = reestimated(network, D, config, adapt)
+        for of_camera in levels:
+            yield {"adapted": True} | kept(config, adapted, of_camera, last_trials)
+
+
+def policies(
+    config: RunConfig, trials: int = 0
+) -> Iterator[tuple[dict[str, Any], PNetwork, list[EpisodeData]]]:
+    """What each iteration came to, the network that its update left, and the update's D.
+
+    Args:
+        trials: greedy episodes before every update.
+    """
     network, optimizer = initial_policy(config)
     player = Player(config)
     reward_scale = RewardScale(config)
-    data: deque[list[EpisodeData]] = deque(maxlen=config.replay_iterations)
+    memory = ReplayMemory(config.replay_iterations, config.replay_transitions)
     player.load(network.export())
     for i in range(config.iterations):
         start = time.process_time()
@@ -148,8 +166,8 @@ def iterations(
             for e in range(config.episodes)
         ]
         greedy = [player.play(GREEDY_SEED + k, 0.0, greedy=True) for k in range(trials)]
-        data.append(episodes)
-        newest = [e for held in data for e in held]
+        memory.add(episodes)
+        newest = memory.episodes
         D = data_of(config, newest, reward_scale.of(newest))
         again = None
         if augmented := parse(config.augment):
@@ -160,7 +178,7 @@ def iterations(
         )  # fmt: skip
         weights = network.export()
         player.load(weights)
-        yield {
+        record = {
             "iteration": i,
             "return": float(np.mean([e.rewards.sum() for e in episodes])),
             "length": float(np.mean([len(e.actions) for e in episodes])),
@@ -177,12 +195,7 @@ def iterations(
             "sha256": weights.content_sha256()[:16],
             "cpu_s": round(time.process_time() - start, 2),
         }
-    for of_camera in levels:
-        yield {"trained": True} | kept(config, weights, of_camera, last_trials)
-    if adapt:
-        adapted = reestimated(network, [e for held in data for e in held], config, adapt)
-        for of_camera in levels:
-            yield {"adapted": True} | kept(config, adapted, of_camera, last_trials)
+        yield record, network, newest
 
 
 def value(text: str) -> Any:

@@ -12,8 +12,8 @@ from bpn.errors import CommandError
 from bpn.terminal import command
 from bpn_dashboard.api.models import RemovedRun, Run
 from bpn_dashboard.database.tables import RunRow
+from bpn_dashboard.registry.columns import OWN
 from bpn_dashboard.registry.folders import name_in_trash, named_contents, row_of
-from bpn_dashboard.registry.query import SORT_KEYS
 from bpn_dashboard.registry.retention import Rule
 from bpn_shared.errors import InputError
 from bpn_shared.runs.folder import STATES, RunFolder, RunOwnedError, run_folders
@@ -44,8 +44,9 @@ class FolderRuns:
         if unknown := set(states) - set(STATES):
             raise InputError(f"--state {', '.join(unknown)}: unknown; one of: {', '.join(STATES)}")
         key = query["sort"].lstrip("-")
-        if key not in SORT_KEYS:
-            raise InputError(f"--sort {query['sort']}: unknown; one of: {', '.join(SORT_KEYS)}")
+        if key not in OWN:
+            raise InputError(f"--sort {query['sort']}: unknown; one of: {', '.join(OWN)}")
+        column = OWN[key].key
         rows = [
             row
             for row in self._rows()
@@ -53,11 +54,11 @@ class FolderRuns:
             and (not states or row.state in states)
             and (row.archived_at is not None) == (query["archived"] == "true")
         ]
-        known = [row for row in rows if getattr(row, key) is not None]
+        known = [row for row in rows if getattr(row, column) is not None]
         known.sort(
-            key=lambda row: (getattr(row, key), row.id), reverse=query["sort"].startswith("-")
+            key=lambda row: (getattr(row, column), row.id), reverse=query["sort"].startswith("-")
         )
-        ordered = known + [row for row in rows if getattr(row, key) is None]
+        ordered = known + [row for row in rows if getattr(row, column) is None]
         return [_shown(row) for row in ordered[:limit]], len(rows)
 
     def named(self, text: str) -> dict[str, Any]:

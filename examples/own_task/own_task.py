@@ -64,6 +64,10 @@ class Dot:
         del seconds
         self._at = self._goal
 
+    def stop(self) -> None:
+        """Stays where it is."""
+        self._goal = self._at
+
     def frame(self) -> Frames:
         """What its camera sees now, uint8[1, 84, 84]."""
         y_px, x_px = np.mgrid[:SIZE_PX, :SIZE_PX]

@@ -2,8 +2,6 @@
 
 from collections.abc import Callable
 
-import bars
-import pytest
 from learner_side import LearnerSide
 from loop_parts import Running
 
@@ -11,7 +9,6 @@ from bpn_edge import service as edge
 from bpn_shared.bus.session import Bus
 from bpn_shared.messages.control import Assignment
 from bpn_shared.spec.config import RunConfig
-from bpn_shared.spec.sections import Pacing
 
 CONFIG = RunConfig.for_task("reaching", hidden_units=16, steps=3)
 
@@ -32,14 +29,3 @@ def test_it_waits_for_what_the_learner_says_and_ends_when_that_is_done(
     assert (event, mark.attempt, mark.version, others) == ("loaded", 1, 7, [])
     told.append(Assignment(status="finished", reason="all iterations are done"))
     wait_for(lambda: not service.alive, "its end")
-
-
-@pytest.mark.parametrize(
-    ("period_s", "pacing", "expected_s"),
-    [(0.145, "realtime", 1), (0.4, "realtime", 2), (60, "realtime", 300), (60, "lockstep", 1)],
-)
-def test_a_robot_may_be_silent_for_some_of_its_control_periods(
-    period_s: float, pacing: Pacing, expected_s: float
-) -> None:
-    task = bars.spec(control_period_s=period_s)
-    assert edge.longest_silence_s(task, pacing) == pytest.approx(expected_s)

@@ -105,6 +105,7 @@ def test_latency_uses_the_runs_that_are_there(runs_dir: Path, command: Command) 
 def test_inference_puts_the_papers_times_beside_ours(runs_dir: Path, command: Command) -> None:
     reproduce(command, runs_dir, "inference")
     table = (runs_dir / "quick" / "inference.md").read_text()
+    assert "| RTL, 100 MHz (simulated) | 0.1" in table
     assert "| DQN, FPGA (paper) | 1,003 |" in table
     assert "| native portable |" in table
     assert "| golden |" in table

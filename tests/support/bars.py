@@ -49,6 +49,9 @@ class Bar:
     def advance(self, seconds: float) -> None:
         self.at_px += float(np.clip(self.goal_px - self.at_px, -200 * seconds, 200 * seconds))
 
+    def stop(self) -> None:
+        self.goal_px = self.at_px
+
     def frame(self) -> Frame:
         frame = np.zeros(self.task.frame_shape, np.uint8)
         frame[:, :, max(0, round(self.at_px)) : round(self.at_px) + 3] = 255

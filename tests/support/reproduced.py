@@ -133,16 +133,18 @@ RESULTS["robustness"] = (
         "trained_for": "noise=0..30",
         "trials": [
             {
-                "algorithm": algorithm, "seed": seed, "disturbed": disturbed, "level": level, "trials": 4,
-                "kept": 3 if disturbed else 0, "return_px": -800.0,
+                "algorithm": algorithm, "seed": seed, "augmented": augmented, "level": level, "trials": 4,
+                "kept": 3 if augmented else 0, "return_px": -800.0,
             }
             for seed in range(SEEDS)
             for algorithm in ("bpn", "cvi")
-            for disturbed in (False, True)
+            for augmented in (False, True)
             for level in ("", "noise=25")
         ],
     },
 )  # fmt: skip
+
+RESULTS["robustness-pan-tilt"] = RESULTS["robustness"]
 
 
 def made(name: str, *, quick: bool = False) -> dict[str, Any]:

@@ -29,12 +29,18 @@ NAMES = (
     "averaging",
     "cartpole",
     "robustness",
+    "robustness-pan-tilt",
 )
 
 
 def add_options(parser: argparse.ArgumentParser, _arguments: Sequence[str]) -> None:
     parser.add_argument("target", metavar="TARGET", choices=NAMES, help=", ".join(NAMES))
     parser.add_argument("--seeds", type=int, help="runs of each configuration (default 5; quick 2)")
+    parser.add_argument(
+        "--first-seed",
+        type=int,
+        help="their seeds begin with it (default 0); others than those that presets were chosen on, say",
+    )
     parser.add_argument("--jobs", type=int, default=1, help="runs side by side (default 1)")
     parser.add_argument(
         "--algorithms",
@@ -76,6 +82,8 @@ def run(options: argparse.Namespace) -> int:
         value = getattr(options, name)
         if value is not None and value < 1:
             raise InputError(f"--{name} = {value} must be at least 1")
+    if options.first_seed is not None and options.first_seed < 0:
+        raise InputError(f"--first-seed = {options.first_seed} must be at least 0")
     out_dir = options.out or (options.runs_dir / "quick" if options.quick else _RESULTS)
     making: Any = optional.load("bpn.reproduce.build", extra="media", wanted_by="`bpn reproduce`")
     if options.redraw:
@@ -89,6 +97,7 @@ def run(options: argparse.Namespace) -> int:
             algorithms=None if options.algorithms is None else options.algorithms.split(","),
             hidden_units=None if options.hidden_units is None else _integers(options.hidden_units),
             iterations=options.iterations,
+            first_seed=options.first_seed or 0,
             quick=options.quick,
             jobs=options.jobs,
             out_dir=out_dir,
@@ -101,7 +110,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _check_redraw(options: argparse.Namespace) -> None:
-    for name in ("seeds", "algorithms", "hidden_units", "iterations"):
+    for name in ("seeds", "first_seed", "algorithms", "hidden_units", "iterations"):
         if getattr(options, name) is not None:
             option = name.replace("_", "-")
             raise InputError(
@@ -121,7 +130,7 @@ def _integers(text: str) -> list[int]:
 def _command(options: argparse.Namespace) -> str:
     """What to type to get the same."""
     words = ["bpn", "reproduce", options.target]
-    for name in ("seeds", "jobs", "algorithms", "hidden_units", "iterations"):
+    for name in ("seeds", "first_seed", "jobs", "algorithms", "hidden_units", "iterations"):
         value = getattr(options, name)
         words += [] if value is None else [f"--{name.replace('_', '-')}", str(value)]
     return shlex.join([*words, *(["--quick"] if options.quick else [])])

@@ -1,4 +1,4 @@
-"""The open tools for FPGAs: the system's where there are some, else those of `pip install 'bpn[fpga]'`."""
+"""The open tools for FPGAs: those of `pip install 'bpn[fpga]'`, which figures are of, else the system's."""
 
 import os
 import re
@@ -22,10 +22,11 @@ def find(name: str) -> str:
     Raises:
         MissingToolError: it is not installed; the message says how it is.
     """
-    beside = Path(sysconfig.get_path("scripts")) / f"yowasp-{name}"
-    found = shutil.which(name) or (
-        str(beside) if beside.exists() else shutil.which(f"yowasp-{name}")
-    )
+    beside = Path(sysconfig.get_path("scripts"))
+    for place in (beside / f"yowasp-{name}", beside / name):
+        if place.exists():
+            return str(place)
+    found = shutil.which(f"yowasp-{name}") or shutil.which(name)
     if found is None:
         raise MissingToolError(f"{name} is not installed: pip install 'bpn[fpga]'")
     return found

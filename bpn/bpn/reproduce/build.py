@@ -27,6 +27,7 @@ def make(
     hidden_units: Sequence[int] | None,
     iterations: int | None,
     quick: bool,
+    first_seed: int = 0,
     jobs: int,
     out_dir: Path,
     runs_dir: Path,
@@ -50,6 +51,7 @@ def make(
         iterations=iterations,
         quick=quick,
         hidden_units=hidden_units,
+        first_seed=first_seed,
     )
     configs = target.plan(scope)
     say = partial(out.print, highlight=False, soft_wrap=True)

@@ -26,7 +26,8 @@ class Scope:
     """How much of a target is made.
 
     Attributes:
-        seeds: runs of each configuration, with seeds 0, 1, ...
+        seeds: runs of each configuration.
+        first_seed: of the first of them; the others follow it.
         algorithms: those to compare; a target leaves out what it has no use for.
         hidden_units: N of binary networks, where a target compares several; None: all of the target's.
         iterations: of every run; None: the preset's.
@@ -38,6 +39,12 @@ class Scope:
     quick: bool = False
     hidden_units: Sequence[int] | None = None
     iterations: int | None = None
+    first_seed: int = 0
+
+    @property
+    def each_seed(self) -> range:
+        """The seeds of every configuration's runs."""
+        return range(self.first_seed, self.first_seed + self.seeds)
 
     def sizes(self, offered: Sequence[int]) -> list[int]:
         """Those of the target's N that are wanted.
@@ -66,7 +73,7 @@ class Scope:
         """The task's preset for every algorithm, one seed after the other."""
         return [
             self.config(task, algorithm=algorithm, seed=seed)
-            for seed in range(self.seeds)
+            for seed in self.each_seed
             for algorithm in self.algorithms
         ]
 

@@ -32,7 +32,7 @@ def plan(scope: Scope) -> list[RunConfig]:
     alphas, sizes = (_QUICK_ALPHAS, NODES[:1]) if scope.quick else (ALPHAS, scope.sizes(NODES))
     return [
         scope.config("reaching", algorithm="bpn", seed=seed, hidden_units=hidden_units, alpha=alpha)
-        for seed, hidden_units, alpha in product(range(scope.seeds), sizes, alphas)
+        for seed, hidden_units, alpha in product(scope.each_seed, sizes, alphas)
     ]
 
 

@@ -42,7 +42,7 @@ _TITLES = {"bpn": "BPN", "bqn": "BQN", "cvi": "CVI, float", "dqn": "DQN, float"}
 def plan(task: str, scope: Scope) -> list[RunConfig]:
     """Every algorithm at every N, one seed after the other."""
     runs = []
-    for seed in range(scope.seeds):
+    for seed in scope.each_seed:
         for algorithm in scope.algorithms:
             if algorithm in BINARY and not scope.quick:
                 offered = scope.sizes(tuple(NODES.values()))
@@ -157,7 +157,7 @@ def table(document: Document) -> str:
         rows.append(
             [
                 _TITLES[algorithm], hidden_units, count(seeds), mean_and_range(returns), f"{iqm(returns):.1f}",
-                mean_and_range(of_seeds(seeds, shares)),
+                mean_and_range(of_seeds(seeds, shares)), _worst(seeds, returns, of_seeds(seeds, shares)),
                 f"{at_end(curves(seeds, 'lengths')).mean():.1f}",
                 "" if best is None else f"{shortfall_percent(returns.mean(), best):+.1f} %",
                 *([f"{curves(seeds, 'returns_px').mean(axis=0).max():.1f}"] if best_iterations else []),
@@ -168,16 +168,20 @@ def table(document: Document) -> str:
         rows.append(
             [
                 line["name"], "", "", f"{line['return_px']:.1f}", "",
-                f"{100 * line['full_length_share']:.1f}", "" if length is None else f"{length:.1f}",
+                f"{100 * line['full_length_share']:.1f}", "", "" if length is None else f"{length:.1f}",
                 "", *([""] if best_iterations else []),
             ]
         )  # fmt: skip
     last = min(LAST, *(len(run["returns_px"]) for run in document["runs"]))
     heading = [
         "", "N", "seeds", f"return, last {last} (px)", "interquartile mean", "full length (%)",
-        "steps", "worse than CVI", *(["best iteration (px)"] if best_iterations else []),
+        "worst seed", "steps", "worse than CVI", *(["best iteration (px)"] if best_iterations else []),
     ]  # fmt: skip
-    notes = "In brackets: from the lowest to the highest seed."
+    numbers = sorted({run["seed"] for run in document["runs"]})
+    notes = (
+        f"In brackets: from the lowest to the highest seed. Seeds: {', '.join(map(str, numbers))}. The worst one "
+        "has the smallest share of full length, then the lowest return."
+    )
     if document["target"] == "reaching":
         notes += " Every episode has the same start and the same target."
     if not best_iterations:
@@ -186,6 +190,16 @@ def table(document: Document) -> str:
             f"The optimum keeps the target, mean of {len(_STARTS)} starts; ten episodes may have easier ones."
         )
     return f"{markdown_table(heading, rows)}\n\n{notes}"
+
+
+def _worst(
+    seeds: list[dict[str, Any]],
+    returns: npt.NDArray[np.float64],
+    shares: npt.NDArray[np.float64],
+) -> int:
+    """The seed with the lowest share of full length, among equals with the lowest return."""
+    names = list(dict.fromkeys(run["seed"] for run in seeds))
+    return int(names[np.lexsort((returns, shares))[0]])
 
 
 def _last_returns(seeds: list[dict[str, Any]]) -> npt.NDArray[np.float64]:

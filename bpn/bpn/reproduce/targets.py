@@ -8,7 +8,7 @@ from bpn.reproduce.inference import INFERENCE
 from bpn.reproduce.latency import LATENCY
 from bpn.reproduce.learning import REACHING, TRACKING
 from bpn.reproduce.pan_tilt import PAN_TILT
-from bpn.reproduce.robustness import ROBUSTNESS
+from bpn.reproduce.robustness import ROBUSTNESS, ROBUSTNESS_PAN_TILT
 
 TARGETS: dict[str, Target] = {
     target.name: target
@@ -22,5 +22,6 @@ TARGETS: dict[str, Target] = {
         AVERAGING,
         CARTPOLE,
         ROBUSTNESS,
+        ROBUSTNESS_PAN_TILT,
     )
 }

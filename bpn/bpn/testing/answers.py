@@ -68,6 +68,9 @@ class CheckedRobot:
     def advance(self, seconds: float) -> None:
         self._nothing("advance", seconds)
 
+    def stop(self) -> None:
+        self._nothing("stop")
+
     def close(self) -> None:
         self._nothing("close")
 

@@ -12,6 +12,9 @@ from bpn_robot.frame import Frame, is_flat
 from bpn_robot.robot import Robot
 from bpn_shared.spec.joint_actions import joined
 
+PERIODS_TO_REST = 5
+"""Control periods within which a robot that was stopped has to be at rest."""
+
 Move = Callable[[CheckedRobot, int], None]
 """How an action is given and time passes, up to the next frame."""
 
@@ -31,7 +34,8 @@ def check_robot(robot: Robot, *, steps: int = 30, seed: int = 0, repeatable: boo
     """Holds a robot to `bpn_robot.robot.Robot`; it is closed afterwards.
 
     Every action and others at random, twice with equal seeds: in lockstep, and, where the task has a clock,
-    with time that passes before and after the command. A real robot has to be where it may move freely.
+    with time that passes before and after the command. Then whether it comes to rest when it is stopped: before
+    its first reset, at rest, and in motion. A real robot has to be where it may move freely.
 
     Args:
         robot: new, or of any state that `reset` ends.
@@ -56,16 +60,19 @@ def examine(robot: CheckedRobot, steps: int, seed: int) -> list[Played]:
         The episodes that were played in lockstep.
     """
     actions = _some_actions(robot.task.dims, steps, seed)
+    robot.stop()
     robot.reset(seed)
     for wrong in (-1, robot.task.joint_actions):
         robot.refuse(wrong)
     in_lockstep = _play_twice(robot, seed, actions, lockstep, "settle()")
+    _check_stop_at_rest(robot, seed, actions, in_lockstep)
     if robot.task.realtime:
         period_s = robot.task.control_period_s
         for share in (0, 0.5):
             move = partial(realtime, before_s=share * period_s)
             _play_twice(robot, seed, actions, move, f"advance({period_s - share * period_s:g})")
         _check_hold(robot, seed)
+        _check_stop_in_motion(robot, seed)
     return in_lockstep
 
 
@@ -94,9 +101,9 @@ def _some_actions(dims: Sequence[int], steps: int, seed: int) -> list[int]:
     """Each choice of each dimension in one of them at least, then others at random."""
     rng = np.random.default_rng(seed)
     most, count = max(dims), math.prod(dims)
+    others = rng.integers(count, size=max(0, steps - most))
     orders = [np.resize(rng.permutation(n), most).tolist() for n in dims]
     each = [joined(choices, dims) for choices in zip(*orders, strict=True)]
-    others = rng.integers(count, size=max(0, steps - most))
     return [*each, *others.tolist()]
 
 
@@ -127,6 +134,47 @@ def _check_pictures(robot: CheckedRobot, episodes: Sequence[Played], passes: str
     assert any(not np.array_equal(e.frames[0], frame) for e in episodes for frame in e.frames), (
         f"{robot.who}: no action and {passes} ever changes its frame"
     )
+
+
+def _check_stop_at_rest(
+    robot: CheckedRobot, seed: int, actions: Sequence[int], played: Sequence[Played]
+) -> None:
+    """In lockstep a robot that waits for long is stopped, and then goes on as if nothing had been."""
+
+    def stopped(robot: CheckedRobot, action: int) -> None:
+        robot.stop()
+        lockstep(robot, action)
+
+    for one, other in zip(played, _play(robot, seed, actions, stopped), strict=False):
+        assert all(map(robot.alike, one.frames, other.frames)), (
+            f"{robot.who}: stop() between two steps in lockstep, where it is at rest, changes the frames after it"
+        )
+
+
+def _check_stop_in_motion(robot: CheckedRobot, seed: int) -> None:
+    """Where nothing but the robot moves, its picture stands still soon after it was stopped."""
+    period_s = robot.task.control_period_s
+
+    def later() -> Frame | None:
+        """The frame after one period; None: the episode has ended."""
+        robot.advance(period_s)
+        return None if any(robot.ended) else robot.frame()
+
+    for action in range(robot.task.actions):
+        robot.reset(seed)
+        still, next_ = later(), later()
+        if still is None or next_ is None or not robot.alike(still, next_):
+            return  # something else moves
+        robot.command(action)
+        robot.advance(period_s / 4)
+        robot.stop()
+        for _ in range(PERIODS_TO_REST):
+            later()
+        still, next_ = later(), later()
+        assert still is None or next_ is None or robot.alike(still, next_), (
+            f"{robot.who}: {PERIODS_TO_REST} control periods after stop() in motion it still moves "
+            f"(action {action}, {robot.task.action_names[action]!r})"
+        )
 
 
 def _told(episode: Played) -> tuple[object, ...]:

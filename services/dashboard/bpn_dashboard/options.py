@@ -164,8 +164,8 @@ def check_options(options: argparse.Namespace) -> None:
     secure = options.certificate is not None or options.insecure_http
     if options.public_url is not None and not _is_public_url(options.public_url):
         raise ConfigError(
-            f"--public-url {options.public_url}: must be scheme, name and port, such as http://localhost:8000, and "
-            "where a proxy has it below a path that path without a slash at its end"
+            f"--public-url {options.public_url}: must be scheme, name and port, such as http://localhost:8000, "
+            "and where a proxy has it below a path that path without a slash at its end"
         )
     if not is_loopback(options.host) and not secure:
         raise ConfigError(

@@ -22,20 +22,10 @@ from bpn_shared.runtime.faults import FaultReporter
 from bpn_shared.runtime.leased import Abilities
 from bpn_shared.runtime.worker import EXIT_FINISHED, Worker
 from bpn_shared.spec.config import RunConfig
-from bpn_shared.spec.sections import Pacing
-from bpn_shared.spec.tasks import TaskSpec
 
 log = logging.getLogger(__name__)
 
 _WEIGHTS_TIMEOUT_S = 1.0
-_LEAST_SILENCE_S = 1.0
-_SILENT_PERIODS = 5
-
-
-def longest_silence_s(task: TaskSpec, pacing: Pacing) -> float:
-    """Without a frame for so long, the robot is asked again; in realtime it sends one each control period."""
-    periods_s = _SILENT_PERIODS * task.control_period_s if pacing == "realtime" else 0.0
-    return max(_LEAST_SILENCE_S, periods_s)
 
 
 def serve(
@@ -76,7 +66,7 @@ def serve(
             link,
             memory,
             feed,
-            silence_s=longest_silence_s(task, config.pacing),
+            silence_s=config.longest_silence_s,
         )
         learner, pace = LearnerLink(worker), Pace()
         while not worker.stop.is_set():

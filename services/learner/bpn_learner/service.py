@@ -93,7 +93,7 @@ def _say_failed(owner: Ownership, error: str) -> None:
 
 
 def _note_environment(owner: Ownership, worker: str) -> None:
-    """Where and with what the attempt is made; a run whose disk is full goes without, and says so where it matters."""
+    """Where and with what the attempt is made. A run whose disk is full goes on without."""
     try:
         here = Environment.here(owner.attempt, worker, name_of_gpu())
         write_environment(owner.folder, here, prove=owner.prove)

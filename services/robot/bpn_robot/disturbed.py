@@ -52,6 +52,9 @@ class DisturbedRobot:
         self._moved = True
         self._robot.advance(seconds)
 
+    def stop(self) -> None:
+        self._robot.stop()
+
     def frame(self) -> Frame:
         self._step += self._moved
         self._moved = False

@@ -13,10 +13,16 @@ def make_robot(task: TaskSpec) -> Robot:
 
     Raises:
         PluginError: the robot is not installed here, or its plug-in cannot be imported.
-        ConfigError: the task wants backlash of servos that are not simulated.
+        ConfigError: the robot cannot be stopped, or the task wants backlash of servos that are not simulated.
         Exception: whatever a robot may fail with when it is made, as its maker says.
     """
     robot: Robot = plugins.load(plugins.ROBOTS, task.robot)(task)
+    if not callable(getattr(robot, "stop", None)):
+        robot.close()
+        raise ConfigError(
+            f"robot {task.robot!r} cannot be stopped: give it a method stop(), which brings it to rest "
+            "(docs/own-robot.md)"
+        )
     if of_scope(task.disturbances, "servo") and not getattr(robot, "has_backlash", False):
         robot.close()
         raise ConfigError(

@@ -1,8 +1,10 @@
 """One robot with its camera. Actions in, frames out.
 
 Lockstep: the robot waits for the action of each frame, repeating the frame while none comes. Realtime:
-it ticks at the control period whatever comes; without an action in time the robot holds. There an action may
-be given a delay, as a slower network or processor would: it then acts that much after it arrived.
+it ticks at the control period whatever comes; without an action in time the robot is commanded to hold. There an
+action may be given a delay, as a slower network or processor would: it then acts that much after it arrived.
+
+A robot that hears no edge for long is stopped, as it is whenever no episode is under way.
 """
 
 import logging
@@ -15,6 +17,7 @@ from math import isqrt
 
 import numpy as np
 
+from bpn_robot.commands import Commands
 from bpn_robot.edge_link import EdgeLink
 from bpn_robot.frame import is_flat
 from bpn_robot.robot import Robot, RobotFault
@@ -58,6 +61,9 @@ class RobotService:
 
     def __init__(self, worker: Worker, config: RunConfig, robot: Robot) -> None:
         self._worker, self._config, self._robot = worker, config, robot
+        self._commands = Commands(robot, worker.counters)
+        self._heard_s = 0.0
+        """When an edge last said something of this episode."""
         self._task = config.task_spec
         self._delays_ns: list[int] = []
         """Of this episode's actions, from their arrival until they act."""
@@ -87,6 +93,7 @@ class RobotService:
         while not self._worker.stop.is_set():
             reset = self._take_reset()
             if reset is None:
+                self._commands.stop()
                 self._worker.waiting.set("an edge to begin an episode")
                 self._edge.take(_RESEND_S)
                 continue
@@ -102,6 +109,8 @@ class RobotService:
         except Exception as error:
             log.exception("episode (%d, %d) cannot be played", reset.iteration, reset.episode)
             self._fail(reset, f"{type(error).__name__}: {error}")
+        finally:
+            self._commands.stop()
 
     def _fail(self, reset: Reset, what: str) -> None:
         at = f" at step {self._step}" if self._step else ""
@@ -109,11 +118,16 @@ class RobotService:
         self._faults.tell(
             reset.iteration, reset.episode, f"{self._task.name}: {what}{at} (seed {reset.seed})"
         )
+        self._forget()
+
+    def _forget(self) -> None:
+        """Asked for again, the episode is begun again."""
         with self._lock:
-            self._current, self._repeat = None, False  # asked for again, it is begun again
+            self._current, self._repeat = None, False
 
     def close(self) -> None:
-        """Shows nobody any more what the robot's camera sees."""
+        """Stops the robot, and shows nobody any more what its camera sees."""
+        self._commands.stop()
         self._previews.close()
         self._edge.close()
 
@@ -142,13 +156,15 @@ class RobotService:
         return self._pending is not None or self._worker.stop.is_set()
 
     def _drive(self, reset: Reset) -> None:
-        robot, hold = self._robot, self._task.hold_action
+        robot = self._robot
         realtime = self._config.pacing == "realtime"
         self._step = 0
+        self._commands.begin()
         frame = robot.reset(reset.seed)
         pixels, blind = frame.tobytes(), is_flat(frame)
         self._in_flight.clear()
         self._delays_ns = self._drawn_delays_ns(reset.seed)
+        self._heard_s = time.monotonic()
         self._seen.extend([pixels] * self._task.frames_stacked)
         kind, step, applied, loop_ns, misses = FrameKind.FIRST, 0, NO_ACTION, 0, 0
         reward = NO_REWARD
@@ -164,6 +180,7 @@ class RobotService:
                         f"every frame of episode ({reset.iteration}, {reset.episode}) has one colour only: "
                         "the camera shows nothing",
                     )
+                self._commands.stop()
                 self._repeat_until_reset(header, pixels)
                 return
             self._step = step + 1
@@ -171,7 +188,10 @@ class RobotService:
             answer = step_robot(header, pixels)
             if self._ends_now():
                 return
-            applied = hold if answer is None else answer.action
+            if answer is None and self._is_deserted():
+                self._desert(reset)
+                return
+            applied = self._task.hold_action if answer is None else answer.action
             misses += answer is None
             loop_ns = 0 if answer is None else answer.camera_to_action_ns
             frame = robot.frame()
@@ -193,9 +213,11 @@ class RobotService:
             answer = self._receive(header, time.monotonic() + _RESEND_S, self._interrupted)
             if answer is not None:
                 self._worker.waiting.done()
-                self._robot.command(answer.action)
+                self._commands.act(answer.action)
                 self._robot.settle()
                 return answer
+            if self._is_deserted():
+                self._commands.stop()  # the world waits, and the episode goes on when the edge is back
             if not self._interrupted():
                 self._worker.waiting.set("an action from the edge")
                 self._worker.counters.add("frames_sent_again")
@@ -203,7 +225,7 @@ class RobotService:
         return None
 
     def _tick(self, header: FrameHeader, pixels: bytes) -> Answer | None:
-        """Realtime: the world goes on for one control period, in which the next action that is due acts.
+        """Realtime: the world goes on for one control period, in which the next action that is due acts, or hold.
 
         Without a delay that is the answer to this frame; with one longer than the period, to an older frame.
         """
@@ -215,14 +237,29 @@ class RobotService:
             self._in_flight.append(answer)
         acting = self._due(end_ns)
         if acting is None:
+            self._commands.hold()
             self._robot.advance(period_s)
         else:
             before_s = min(max(0.0, acting.t_act_ns / 1e9 - start_s), period_s)
             self._robot.advance(before_s)
-            self._robot.command(acting.action)
+            self._commands.act(acting.action)
             self._robot.advance(period_s - before_s)
         self._worker.stop.wait(max(0.0, start_s + period_s - time.monotonic()))
         return acting
+
+    def _is_deserted(self) -> bool:
+        """Whether no edge has said anything of this episode for too long."""
+        return time.monotonic() - self._heard_s > self._config.longest_silence_s
+
+    def _desert(self, reset: Reset) -> None:
+        """Realtime: ends an episode that nobody plays any more; what came of it is no data."""
+        self._commands.stop()
+        self._forget()
+        self._worker.counters.refuse(
+            "episodes_deserted",
+            f"no action for {self._config.longest_silence_s:g} s in episode ({reset.iteration}, {reset.episode}): "
+            "the robot is stopped, and the episode begun again when an edge asks for it",
+        )
 
     def _drawn_delays_ns(self, seed: int) -> list[int]:
         low_ms, high_ms = self._task.disturbances.get("latency", (0.0, 0.0))
@@ -265,6 +302,8 @@ class RobotService:
         except MessageError as error:
             self._worker.counters.refuse("actions_refused", str(error))
             return None
+        if action.reset_id == header.reset_id:
+            self._heard_s = sample.t_receive_ns / 1e9
         if (action.reset_id, action.step) != (header.reset_id, header.step):
             self._worker.counters.add("actions_for_other_frames")
             return None

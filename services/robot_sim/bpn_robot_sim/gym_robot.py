@@ -94,6 +94,9 @@ class GymRobot:
         """
         raise NotImplementedError(f"{self._task.name} cannot advance by {seconds} s")
 
+    def stop(self) -> None:
+        """Nothing to do: between its steps an environment stands still."""
+
     def frame(self) -> Frame:
         if not self._pictures:
             self._pictures.append(self._env.picture())

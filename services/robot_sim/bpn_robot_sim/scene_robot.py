@@ -40,6 +40,9 @@ class SceneRobot:
     def frame(self) -> Frame:
         return self._camera.render(self._physics.data)
 
+    def stop(self) -> None:
+        """Nothing to do: its servos come to rest at their goals, and hold them."""
+
     def close(self) -> None:
         self._camera.close()
 

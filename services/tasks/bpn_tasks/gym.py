@@ -16,15 +16,26 @@ from bpn_shared.spec.network import (
 from bpn_shared.spec.tasks import TaskFamily, TaskOptions, TaskSpec
 from bpn_tasks.specs import CONTROL_PERIOD_S
 
-_PRESET: dict[str, Any] = {
+_PICTURES: dict[str, Any] = {
     # Gray frames in pairs, which show motion.
     "frame_channels": 1,
     "frames_stacked": 2,
     "frame_skip": 1,
     # Of whatever unit rewards are, and episodes end for good or bad: the usual treatment of terminals.
     "bootstrap_terminals": False,
-    "reward_scale": 1.0,
     "steps": 200,
+}
+
+_RECIPE: dict[str, Any] = {
+    # For tasks that nobody tuned: docs/tasks/gym.md says why each of them.
+    "hidden_units": 256,
+    "relative_targets": True,
+    "n_step": 8,
+    "episodes": 20,
+    "replay_transitions": 20_000,
+    "max_updates": 500,
+    "reward_scale": 0.0,  # found out: rewards are of whatever unit
+    "scale_initial": 0.0,
 }
 
 _PRESETS: dict[str, dict[str, Any]] = {
@@ -51,7 +62,7 @@ _PRESETS: dict[str, dict[str, Any]] = {
 
 def preset(name: str) -> dict[str, Any]:
     """What runs of an environment begin with; of "gym:", those of environments without a preset of their own."""
-    return _PRESET | _PRESETS.get(name, {})
+    return _PICTURES | _PRESETS.get(name, _RECIPE)
 
 
 def spec(name: str, options: TaskOptions) -> TaskSpec:

@@ -39,6 +39,9 @@ _OWN_KERNELS = CIRCUITS.union(*KERNELS.values())
 """Of the others, only the edge that has them can say what they run."""
 
 
+_SILENT_PERIODS = 5
+
+
 class ConfigError(InputError):
     """A configuration value is wrong; the message names the value, its range and where it came from."""
 
@@ -146,8 +149,8 @@ class RunConfig(ExecutionValues, TrainingValues, AlgorithmValues, TaskOptions):
             network.convolutions != PAPER_CONVOLUTIONS or network.image_px != IMAGE_SIZE_PX
         ):
             raise ValueError(
-                f"kernel = {self.kernel!r} is a circuit of the paper's convolutions over {IMAGE_SIZE_PX} px, this run "
-                f"has conv = {self.conv!r} over {network.image_px} px: choose another kernel, or leave them out"
+                f"kernel = {self.kernel!r} is a circuit of the paper's convolutions over {IMAGE_SIZE_PX} px, this "
+                f"run has conv = {self.conv!r} over {network.image_px} px: choose another kernel, or leave it out"
             )
         return self
 
@@ -202,6 +205,12 @@ class RunConfig(ExecutionValues, TrainingValues, AlgorithmValues, TaskOptions):
     def policy(self) -> str:
         """What draws the actions of data, a plug-in of bpn.selections: CVI's policy is its softmax."""
         return self.algorithm_spec.selection
+
+    @property
+    def longest_silence_s(self) -> float:
+        """How long robot and edge may hear nothing of each other: then the robot is stopped, or asked again."""
+        realtime = self.pacing == "realtime"
+        return max(1.0, _SILENT_PERIODS * self.task_spec.control_period_s if realtime else 0.0)
 
     @property
     def callback_names(self) -> tuple[str, ...]:

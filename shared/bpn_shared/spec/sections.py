@@ -10,7 +10,7 @@ import json
 from math import isfinite
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field
 
 from bpn_shared.errors import InputError
 from bpn_shared.spec.algorithms import MAX_NAME, NAME_PATTERN
@@ -41,6 +41,11 @@ def _options(text: str) -> str:
     if not isinstance(found, dict):
         raise ValueError("must be a JSON object; such as '{\"tau\": 0.9}'")
     return json.dumps(found, sort_keys=True) if found else ""
+
+
+def _automatic(value: object) -> object:
+    """0 stands for what is found out, and may be called by its name."""
+    return 0.0 if value == "auto" else value
 
 
 def _of_pictures(text: str) -> str:
@@ -182,19 +187,21 @@ class TrainingValues(BaseModel):
     ] = 0.1
     scale_initial: Annotated[
         float,
+        BeforeValidator(_automatic),
         Field(
             ge=0,
             le=100,
-            description="binary: lambda at the start; 0: as the first policy is nearly uniform with",
+            description="binary: lambda at the start; 0 or auto: as the first policy is nearly uniform with",
         ),
     ] = 0.2
     reward_scale: Annotated[
         float,
+        BeforeValidator(_automatic),
         Field(
             ge=0,
             le=1e3,
-            description="factor on rewards before learning; 0: 10 over the range of the first data's returns over "
-            "n_step steps",
+            description="factor on rewards before learning; 0 or auto: 10 over the range of the first data's "
+            "returns over n_step steps",
         ),
     ] = 0.1
 

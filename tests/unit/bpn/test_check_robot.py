@@ -40,6 +40,10 @@ def test_a_robot_without_a_clock_is_never_asked_to_advance() -> None:
     check_robot(Stepwise(spec(realtime=False)))
 
 
+def test_a_robot_whose_actions_are_speeds_passes() -> None:
+    check_robot(Wheeled(spec()))
+
+
 def test_an_episode_that_has_ended_is_not_played_on() -> None:
     class Short(Bar):
         over = False
@@ -139,6 +143,48 @@ class Drifting(Bar):
         self.commanded = False
 
 
+class Wheeled(Bar):
+    """Its actions are speeds, as a base's are."""
+
+    speed_px_s = 0.0
+
+    def reset(self, seed: int) -> Frame:
+        self.speed_px_s = 0.0
+        return super().reset(seed)
+
+    def command(self, action: int) -> None:
+        super().command(action)
+        self.speed_px_s = 2 * (self.goal_px - self.at_px)
+
+    def settle(self) -> None:
+        self.advance(self.task.control_period_s)
+        self.stop()
+
+    def advance(self, seconds: float) -> None:
+        self.at_px += self.speed_px_s * seconds
+
+    def stop(self) -> None:
+        self.speed_px_s = 0.0
+
+
+class Runaway(Wheeled):
+    """Cannot be stopped while it moves."""
+
+    def settle(self) -> None:
+        super().settle()
+        self.speed_px_s = 0.0
+
+    def stop(self) -> None:
+        """Does nothing."""
+
+
+class Homing(Bar):
+    """Goes home when it is stopped."""
+
+    def stop(self) -> None:
+        self.at_px = self.goal_px = 42.0
+
+
 class Undecided(Bar):
     """Terminated only until somebody has looked."""
 
@@ -206,6 +252,9 @@ def frames(change: Callable[[Frame], Any]) -> Callable[[], Any]:
     (lambda: Ticking(spec()), r"frame\(\) lets time pass; only settle\(\) and advance\(\) do"),
     (lambda: Drifting(spec()), r"hold_action = 2 \('stay'\) does something else than no command at all"),
     (lambda: Bar(spec(hold_action=0)), r"hold_action = 0 \('left'\) does something else than no command"),
+    (lambda: Runaway(spec()), r"5 control periods after stop\(\) in motion it still moves \(action 0, 'left'\)"),
+    (lambda: Homing(spec()), r"stop\(\) between two steps in lockstep, where it is at rest, changes the frames"),
+    (made(stop=raises(RobotFault("the brake is open"))), r"stop\(\) has a fault: the brake is open$"),
     (lambda: Over(spec()), r"it has ended right after reset\(0\)"),
     (lambda: Undecided(spec()), "terminated or truncated changes while no time passes"),
     (made(truncated=None), "truncated is None, not True or False"),
@@ -214,7 +263,7 @@ def frames(change: Callable[[Frame], Any]) -> Callable[[], Any]:
     (made(reward=lambda _: None), r"reward\(\) is None, not a float"),
     (made(truncated=property(raises(OSError("gone")))), "truncated raises OSError: gone$"),
     (made(info=lambda _: None), r"info\(\) is None, not a dict"),
-    (made(info=lambda _: {"bar_px": 3.0}), r"info\(\)\['bar_px'\] is 3.0, not a pair"),
+    (made(info=lambda _: {"bar_px": 3.0}), r"info\(\)\['bar_px'\] is 3.0, not a tuple"),
     (made(close=raises(OSError("busy"))), r"close\(\) raises OSError: busy; a robot that cannot go on raises"),
     (made(settle=raises(KeyError("servo"))), r"settle\(\) raises KeyError: 'servo'; .* raises RobotFault$"),
     (made(settle=raises(RobotFault("servo 2 is hot"))), r"settle\(\) has a fault: servo 2 is hot$"),

@@ -37,9 +37,9 @@ def site(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     })  # fmt: skip
 
 
-@pytest.mark.parametrize("name", TASKS)
+@pytest.mark.parametrize("name", [*TASKS, "reaching_both", "pan_tilt_both", "arm"])
 def test_ours_pass(name: str) -> None:
-    check_task(TASKS[name])
+    check_task(RunConfig.for_task(name).task_spec)
 
 
 def test_an_environment_of_gymnasium_passes() -> None:
@@ -59,7 +59,7 @@ def as_it_is(**changes: Any) -> Callable[[], TaskSpec]:
 
 
 @pytest.mark.parametrize(("make", "said"), [
-    (as_it_is(robot="baar"), "robot 'baar' is not installed here; there are: bar, "),
+    (as_it_is(robot="baar"), "robot 'baar' is not installed here; there are: arm, bar, "),
     (as_it_is(robot="lost"), "robot 'lost' (bars:Lost of bars 1.0) is broken: AttributeError: "),
     (as_it_is(robot="sighted", action_names=("left", "right"), hold_action=0), "no camera: /dev/video9"),
     (as_it_is(robot="other"), "its robot's task is another: control_period_s = 0.2, not 0.1"),

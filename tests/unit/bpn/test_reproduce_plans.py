@@ -24,7 +24,7 @@ def test_the_command_offers_every_target() -> None:
     ("name", "runs"),
     # two binary algorithms at three N and two float ones; a grid of 4 x 4; two algorithms; one
     [("reaching", 8), ("tracking", 8), ("heatmap", 16), ("pan-tilt", 2), ("inference", 0), ("latency", 1),
-     ("averaging", 0), ("cartpole", 1), ("robustness", 6)],
+     ("averaging", 0), ("cartpole", 1), ("robustness", 6), ("robustness-pan-tilt", 6)],
 )  # fmt: skip
 @pytest.mark.parametrize("seeds", [1, 5])
 def test_every_configuration_runs_once_on_every_seed(name: str, runs: int, seeds: int) -> None:
@@ -83,6 +83,15 @@ def test_iterations_are_the_presets_unless_given() -> None:
         configs = TARGETS[name].plan(Scope(1, TARGETS[name].algorithms, iterations=7))
         assert {config.iterations for config in configs} == {7}
         assert 7 not in {config.iterations for config in plan(name)}
+
+
+@pytest.mark.parametrize("name", ["reaching", "tracking", "heatmap", "pan-tilt", "robustness"])
+def test_seeds_begin_where_they_are_told(name: str) -> None:
+    target = TARGETS[name]
+    configs = target.plan(Scope(2, target.algorithms, first_seed=20))
+    assert {config.seed for config in configs} == {20, 21}
+    known = {config_hash(config) for config in plan(name)}
+    assert known.isdisjoint(config_hash(config) for config in configs)
 
 
 def test_fewer_algorithms_are_fewer_runs() -> None:

@@ -166,7 +166,7 @@ def test_the_wire_time_of_an_image_is_computed_from_its_bytes() -> None:
 def test_robustness_has_a_line_for_each_level_and_a_column_for_each_training() -> None:
     table = TARGETS["robustness"].table(made("robustness"))
     lines = [line for line in table.splitlines() if line.startswith("|")]
-    assert "BPN, disturbed" in lines[0]
+    assert "BPN, augmented" in lines[0]
     assert [cell.strip() for cell in lines[-1].strip("|").split("|")] == [
         "noise=25",
         "0",

@@ -198,3 +198,16 @@ def test_a_copied_run_changed_when_its_state_says(store: RunStore) -> None:
     assert (copied.created_at, copied.updated_at) == (1e9, 1.5e9)
     assert future.created_at <= time.time() >= future.updated_at
     assert store.changed_folders() == []  # nothing is news
+
+
+def test_an_iteration_without_a_number_counts_and_has_none(store: RunStore) -> None:
+    """A learning that diverged goes on: nothing is shown that was true some iterations ago."""
+    folder = RunFolder.create(store.runs_dir, GOOD, CONFIG)
+    for iteration, value in enumerate([-5.0, -3.0, None]):
+        folder.append_metrics(
+            RECORD | {"iteration": iteration, "return_px": value, "length": value}
+        )
+    store.adopt()
+    run = store.get(str(GOOD))
+    assert (run.iteration, run.return_best) == (3, -3.0)
+    assert (run.return_last, run.return_mean_last_5, run.length_last) == (None, None, None)

@@ -6,7 +6,6 @@ from uuid import UUID
 
 import pytest
 
-from bpn_dashboard.api.context import Context
 from bpn_dashboard.database.engine import Database
 from bpn_dashboard.hub import samples as samples_module
 from bpn_dashboard.hub.samples import KEPT_S, PERIOD_S, Samples
@@ -20,7 +19,9 @@ from bpn_shared.spec.config import RunConfig
 CONFIG = RunConfig.for_task("reaching")
 
 
-def snapshot(cpu_percent: float, *, state: str = "live", run: str | None = None) -> TopologySnapshot:
+def snapshot(
+    cpu_percent: float, *, state: str = "live", run: str | None = None
+) -> TopologySnapshot:
     flow = Flow(
         key="k", direction="sent", messages=9, bytes=9, dropped=1,
         messages_per_s=3.0, bytes_per_s=3.0, dropped_per_s=0.5,
@@ -32,7 +33,7 @@ def snapshot(cpu_percent: float, *, state: str = "live", run: str | None = None)
     return TopologySnapshot(time_unix_s=0.0, nodes=[service], links=[])
 
 
-def test_services_are_seen_as_they_were(database: Database, context: Context, client: Any) -> None:
+def test_services_are_seen_as_they_were(database: Database, client: Any) -> None:
     now_s = int(time.time()) // 60 * 60
     shown = [snapshot(0.0)]
     samples = Samples(database, lambda: shown[0])
@@ -69,7 +70,9 @@ def test_samples_are_bounded(database: Database, monkeypatch: pytest.MonkeyPatch
     assert 5 <= len(left.at) <= 6
 
 
-def test_runs_are_measured_when_they_changed(database: Database, store: RunStore, client: Any) -> None:
+def test_runs_are_measured_when_they_changed(
+    database: Database, store: RunStore, client: Any
+) -> None:
     run = store.create(CONFIG, actor="a")
     folder = store.folder(run.id)
     (folder.path / "episodes").mkdir(exist_ok=True)
@@ -84,7 +87,9 @@ def test_runs_are_measured_when_they_changed(database: Database, store: RunStore
         size, before.updated_at, before.rev,
     )  # fmt: skip
     assert usage.due() == []
-    assert DiskUsage(database, store.runs_dir).due() == []  # another life of the dashboard believes it
+    assert (
+        DiskUsage(database, store.runs_dir).due() == []
+    )  # another life of the dashboard believes it
     store.observe({run.id: {"iteration": 1}})
     assert [due for due, _ in usage.due()] == [run.id]
     disk = client.get("/api/v1/system/disk").json()
@@ -94,7 +99,9 @@ def test_runs_are_measured_when_they_changed(database: Database, store: RunStore
     assert page["items"][0]["disk_bytes"] == size
 
 
-def test_a_run_that_goes_while_it_is_measured_disturbs_nobody(database: Database, store: RunStore) -> None:
+def test_a_run_that_goes_while_it_is_measured_disturbs_nobody(
+    database: Database, store: RunStore
+) -> None:
     usage = DiskUsage(database, store.runs_dir)
     assert usage.measure(str(UUID(int=7)), 1.0) is None
 
@@ -113,7 +120,11 @@ def test_every_attempt_says_where_and_with_what_it_was_made(store: RunStore, cli
     assert read_environments(folder) == [here]
     told = client.get(url).json()
     [attempt] = told["attempts"]
-    assert (attempt["attempt"], attempt["worker"], attempt["accelerator"]) == (1, "learner-1", "a GPU")
+    assert (attempt["attempt"], attempt["worker"], attempt["accelerator"]) == (
+        1,
+        "learner-1",
+        "a GPU",
+    )
     assert attempt["packages"]["numpy"]
     assert attempt["command"]
     assert told["created"]["version"] == attempt["version"]

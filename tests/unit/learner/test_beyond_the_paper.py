@@ -25,6 +25,7 @@ from bpn_learner.update import (
     updates_of,
 )
 from bpn_shared.spec.config import RunConfig
+from bpn_shared.spec.joint_actions import format_dims
 from bpn_shared.spec.network import NetworkSpec
 
 ACTIONS = 4
@@ -42,7 +43,9 @@ class Known:
         return self._table[seen[:, 0, 0, 0].long()]
 
 
-def episodes(seed: int, lengths: list[int]) -> list[EpisodeData]:
+def episodes(
+    seed: int, lengths: list[int], dims: tuple[int, ...] = (ACTIONS,)
+) -> list[EpisodeData]:
     rng = np.random.default_rng(seed)
     found, first = [], 0
     for index, length in enumerate(lengths):
@@ -50,14 +53,18 @@ def episodes(seed: int, lengths: list[int]) -> list[EpisodeData]:
         frames[:, 0, 0, 0] = first + np.arange(length + 1)
         first += length + 1
         rewards = rng.normal(-1, 1, length)
-        found.append(EpisodeData(frames, rng.integers(0, ACTIONS, length), rewards, index % 2 == 0))
+        actions = np.stack([rng.integers(0, n, length) for n in dims], axis=1)
+        chosen = actions if len(dims) > 1 else actions[:, 0]
+        found.append(EpisodeData(frames, chosen, rewards, index % 2 == 0))
     return found
 
 
-def told(seed: int, data: list[EpisodeData]) -> tuple[Transitions, torch.Tensor, torch.Tensor]:
+def told(
+    seed: int, data: list[EpisodeData], outputs: int = ACTIONS
+) -> tuple[Transitions, torch.Tensor, torch.Tensor]:
     """D, P-(s, .) and P-(s', .), float32[n, |A|]."""
     count = sum(len(episode.frames) for episode in data)
-    table = 3 * torch.randn(count, ACTIONS, generator=torch.Generator().manual_seed(seed))
+    table = 3 * torch.randn(count, outputs, generator=torch.Generator().manual_seed(seed))
     D = Transitions.from_episodes(data, frames_stacked=1)
     return D, table, table
 
@@ -71,29 +78,37 @@ def told(seed: int, data: list[EpisodeData]) -> tuple[Transitions, torch.Tensor,
     relative=st.booleans(),
     mask=st.booleans(),
     offset=st.floats(-30, 30),
+    dims=st.sampled_from([(ACTIONS,), (2, 3), (3, 2, 4)]),
+    iteration=st.integers(0, 49),
 )
 def test_targets_are_those_that_bpn_verify_computes(
-    seed: int, lengths: list[int], algorithm: str, n: int, floor: float, relative: bool, mask: bool, offset: float
+    seed: int, lengths: list[int], algorithm: str, n: int, floor: float, relative: bool, mask: bool, offset: float,
+    dims: tuple[int, ...], iteration: int,
 ) -> None:  # fmt: skip
     config = RunConfig.bare(
-        "reaching", algorithm=algorithm, n_step=n, gap_floor=floor, relative_targets=relative,
-        bootstrap_terminals=not mask, reward_scale=1.0,
+        "gym:Some-v0", algorithm=algorithm, beta_run_final_factor=4, n_step=n, gap_floor=floor,
+        relative_targets=relative, bootstrap_terminals=not mask, reward_scale=1.0, actions=sum(dims),
+        action_dims=format_dims(dims if len(dims) > 1 else ()),
     )  # fmt: skip
     offset = offset if relative else 0.0
-    data = episodes(seed, lengths)
-    D, table, _ = told(seed, data)
+    data = episodes(seed, lengths, dims)
+    D, table, _ = told(seed, data, sum(dims))
     P, P_next = (
         table[D.frames[which[:, 0], 0, 0, 0].long()]
         for which in (D.observations, D.next_observations)
     )
-    y, c = targets(D, P, P_next, UpdateConfig.of_iteration(config, 0), offset)
+    settings = UpdateConfig.of_iteration(config, iteration)
+    y, c = targets(D, P, P_next, settings, offset, dims=dims)
     played = [
         Played(
-            torch.from_numpy(e.frames), torch.from_numpy(e.actions), torch.from_numpy(e.rewards), e.terminated
+            torch.from_numpy(e.frames), torch.from_numpy(e.actions.reshape(len(e.rewards), -1)),
+            torch.from_numpy(e.rewards), e.terminated,
         )
         for e in data
     ]  # fmt: skip
-    verified = verified_targets(config, played, cast(Policy, Known(table)), offset)
+    verified = verified_targets(
+        config, iteration, played, cast(Policy, Known(table)), offset=offset, reward_scale=1.0
+    )
     torch.testing.assert_close(y, verified.y, rtol=1e-5, atol=1e-4)
     assert c == pytest.approx(verified.offset, abs=1e-3)
 

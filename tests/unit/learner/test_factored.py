@@ -3,6 +3,7 @@
 import itertools
 from collections.abc import Callable
 
+import numpy as np
 import pytest
 import torch
 from hypothesis import given, settings
@@ -18,6 +19,8 @@ from bpn_learner.minibatch import (
     native_gradients,
 )
 from bpn_learner.networks import BinaryNetwork, PNetwork
+from bpn_learner.transitions import EpisodeData, Transitions
+from bpn_learner.update import UpdateConfig, make_optimizer, policy_update, preferences
 from bpn_shared.spec.network import NetworkSpec
 
 dims_of = st.lists(st.integers(2, 5), min_size=1, max_size=4)
@@ -123,3 +126,31 @@ def test_the_kernels_gradients_of_several_dimensions_are_autograds(
     P = network(pixels[batch].float().permute(0, 3, 1, 2))
     loss = (y[batch] - taken(P, action[batch], dims)).square().mean() / 2
     assert float(plain["loss"]) == pytest.approx(float(loss.detach()), rel=1e-5)
+
+
+def of_a_sum(dims: list[int], episodes: int = 12) -> Transitions:
+    """One picture, and rewards that are a sum over the dimensions of what each was chosen for."""
+    rng = np.random.default_rng(0)
+    worth = [np.linspace(-1, 1, n) for n in dims]
+    data = []
+    for _ in range(episodes):
+        actions = np.stack([rng.integers(0, n, 10) for n in dims], axis=1)
+        rewards = sum(own[actions[:, d]] for d, own in enumerate(worth))
+        data.append(EpisodeData(np.full((11, 1, 84, 84), 90, np.uint8), actions, rewards, False))
+    return Transitions.from_episodes(data, frames_stacked=1)
+
+
+@pytest.mark.parametrize("network_of", [binary_network, float_network])
+@pytest.mark.parametrize("target", ["cvi", "dqn"])
+def test_an_update_learns_which_choice_is_best_in_each_dimension(
+    target: str, network_of: Callable[[NetworkSpec, int], PNetwork]
+) -> None:
+    dims = [3, 4]
+    spec = NetworkSpec(channels=1, hidden_units=32, actions=7, action_dims=tuple(dims))
+    network, D = network_of(spec, 3), of_a_sum(dims)
+    settings = UpdateConfig(target=target, gamma=0.0, alpha=0.0, epochs=60, relative_targets=True)
+    optimizer = make_optimizer(network, 3e-3)
+    report = policy_update(network, optimizer, D, settings, np.random.default_rng(0))
+    assert report.loss_last < report.loss_first
+    P = preferences(network, [D.gather(D.observations[:1])])[0]
+    assert [int(part.argmax()) for part in torch.split(P, dims)] == [2, 3]

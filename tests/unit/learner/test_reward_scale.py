@@ -81,6 +81,11 @@ def test_what_a_run_asks_for_it_gets(given_scale: float, of: list[list[float]]) 
     assert torch.equal(D.rewards, torch.from_numpy((flat * given_scale).astype(np.float32)))
 
 
+def test_what_is_found_out_may_be_called_by_its_name() -> None:
+    asked = RunConfig.bare("reaching", reward_scale="auto", scale_initial="auto")
+    assert (asked.reward_scale, asked.scale_initial) == (0, 0)
+
+
 def test_a_run_whose_factor_is_lost_is_not_gone_on_with(tmp_path: Path) -> None:
     folder = RunFolder(tmp_path / "01900000-0000-7000-8000-000000000000")
     folder.path.mkdir()

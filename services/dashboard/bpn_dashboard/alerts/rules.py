@@ -12,6 +12,8 @@ from bpn_dashboard.hub.topology import Node
 
 Kind = Literal["failed", "stalled", "robot_stale", "return_fell"]
 
+NEWS_S = 600.0
+"""A run that failed longer ago is no news: it was brought here, or told before."""
 STALLED_AFTER_S = 60.0
 STALE_AFTER_S = 10.0
 """A robot may be slow to tell; for so long it is not."""
@@ -41,6 +43,8 @@ def of_runs(rows: Iterable[RunRow], now_s: float) -> Iterator[Trouble]:
     """Of runs that failed, and of those that are worked on and make no progress."""
     for row in rows:
         if row.state == "failed":
+            if now_s - row.updated_at > NEWS_S:
+                continue
             reason = row.error.strip().splitlines()[-1:] or ["nobody said why"]
             yield Trouble("failed", row.id, row.id, f"{row.name} failed: {reason[0][:300]}")
         elif row.state != "queued" and row.waiting_reason and row.waiting_since is not None:
@@ -52,13 +56,16 @@ def of_runs(rows: Iterable[RunRow], now_s: float) -> Iterator[Trouble]:
 
 def of_robots(nodes: Iterable[Node], rows: Iterable[RunRow]) -> Iterator[Trouble]:
     """Of robots of runs that shall go on, of which nothing is heard."""
-    wanted = {row.id: row for row in rows if row.desired_state == "running" and row.state == "running"}
+    wanted = {
+        row.id: row for row in rows if row.desired_state == "running" and row.state == "running"
+    }
     for node in nodes:
         row = wanted.get(node.run or "")
         if row is None or not node.kind.startswith("robot") or node.state == "live":
             continue
         if node.age_s is not None and node.age_s >= STALE_AFTER_S:
-            text = f"robot {node.slot} of {row.name} says nothing for {node.age_s:.0f} s ({node.id} on {node.host})"
+            where = f"{node.id} on {node.host}"
+            text = f"robot {node.slot} of {row.name} says nothing for {node.age_s:.0f} s ({where})"
             yield Trouble("robot_stale", node.id, row.id, text)
 
 
@@ -85,20 +92,23 @@ def of_returns(row: RunRow, returns: npt.NDArray[np.float64]) -> Trouble | None:
         return None
     best = "?" if row.return_best is None else f"{row.return_best:.4g}"
     now = "?" if row.return_mean_last_5 is None else f"{row.return_mean_last_5:.4g}"
-    text = f"{row.name}: the return fell to {now} (mean of the last 5), the best iteration had {best}"
+    text = (
+        f"{row.name}: the return fell to {now} (mean of the last 5), the best iteration had {best}"
+    )
     return Trouble("return_fell", row.id, row.id, text)
 
 
 class Standing:
-    """Which troubles there are, so that each is told once."""
+    """Which troubles there are, so that each is told once.
 
-    def __init__(self) -> None:
-        self._known: set[tuple[Kind, str]] | None = None
+    Args:
+        told: kind and subject of those that were told in an earlier life.
+    """
+
+    def __init__(self, told: Iterable[tuple[str, str]] = ()) -> None:
+        self._known = set(told)
 
     def news(self, troubles: Sequence[Trouble]) -> list[Trouble]:
-        """Those that were not there at the last look. What is there at the first look is no news."""
-        now = {(one.kind, one.subject) for one in troubles}
-        before, self._known = self._known, now
-        if before is None:
-            return []
+        """Those that were not there at the last look."""
+        before, self._known = self._known, {(one.kind, one.subject) for one in troubles}
         return [one for one in troubles if (one.kind, one.subject) not in before]

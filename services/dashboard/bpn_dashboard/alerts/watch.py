@@ -47,7 +47,7 @@ class AlertWatch:
     ) -> None:
         self._database, self._runs, self._series = database, runs, series
         self._topology, self._tell, self._serving = topology, tell, serving
-        self._standing = Standing()
+        self._standing: Standing | None = None
         self._returns: dict[str, tuple[int, Trouble | None]] = {}  # by run, as of an iteration
         self._returns_at_s = 0.0
 
@@ -58,6 +58,10 @@ class AlertWatch:
         self._look_at_returns([row for row in rows if row.state == "running"], now_s)
         troubles = [*of_runs(rows, now_s), *of_robots(self._topology().nodes, rows)]
         troubles += [trouble for _, trouble in self._returns.values() if trouble is not None]
+        if self._standing is None:
+            with self._database.reading() as session:
+                told = session.execute(select(AlertRow.kind, AlertRow.subject)).all()
+            self._standing = Standing((kind, subject) for kind, subject in told)
         news = self._standing.news(troubles)
         if not self._serving():
             return []

@@ -50,8 +50,14 @@ class Webhook:
             ConfigError: the URL is no plain http or https one, or the secret cannot be read or is too short.
         """
         parts = urlsplit(url)
-        if parts.scheme not in ("http", "https") or not parts.hostname or parts.username is not None:
-            raise ConfigError(f"--alert-webhook {url}: must be http://NAME... or https://NAME..., without a user")
+        if (
+            parts.scheme not in ("http", "https")
+            or not parts.hostname
+            or parts.username is not None
+        ):
+            raise ConfigError(
+                f"--alert-webhook {url}: must be http://NAME... or https://NAME..., without a user"
+            )
         try:
             secret = secret_file.read_bytes().strip()
         except OSError as error:
@@ -73,7 +79,7 @@ def signature(secret: bytes, at_s: int, body: bytes) -> str:
 class _NoRedirect(urllib.request.HTTPRedirectHandler):
     """To no other address than the operator's."""
 
-    def redirect_request(self, *_arguments: Any) -> None:  # type: ignore[override]
+    def redirect_request(self, *_arguments: Any) -> None:
         return None
 
 
@@ -88,7 +94,12 @@ class Deliveries:
     """
 
     def __init__(
-        self, webhook: Webhook, counters: Counters, stop: threading.Event, *, first_s: float = _FIRST_S
+        self,
+        webhook: Webhook,
+        counters: Counters,
+        stop: threading.Event,
+        *,
+        first_s: float = _FIRST_S,
     ) -> None:
         self._webhook, self._counters, self._stop = webhook, counters, stop
         self._first_s = first_s

@@ -83,7 +83,7 @@ class Context:
         self.cursors = Cursors(secret_key(self.database, "cursors"))
         self.series = SeriesQueries(self.database)
         self.views = SavedViews(self.runs.runs_dir)
-        self.samples = Samples(self.database, lambda: self.topology())
+        self.samples = Samples(self.database, self.topology)
         self._instance = secret_key(self.database, "instance")[:4].hex()
 
     @property

@@ -16,7 +16,8 @@ from bpn_dashboard.api.groups import Group, group_runs
 from bpn_dashboard.api.models import MAX_IDS, MetricName, RunId
 from bpn_dashboard.api.problems import ApiError, responses
 from bpn_dashboard.api.subject import runs_of
-from bpn_dashboard.series.query import Axis, Series, View
+from bpn_dashboard.series.axes import Axis
+from bpn_dashboard.series.query import Series, View
 from bpn_dashboard.series.statistics import Band, Statistic
 
 router = APIRouter(tags=["series"])
@@ -57,6 +58,10 @@ class SeriesQuery(Body):
         Field(description="of x: from, to; null: all"),
     ] = None
     max_points: Annotated[int, Field(ge=1, le=4000)] = 1000
+    max_groups: Annotated[
+        int,
+        Field(ge=1, le=_MAX_CURVES, description="where there are more, those of the newest runs"),
+    ] = 100
     statistic: Statistic = "mean"
     band: Band = "std"
 
@@ -104,6 +109,9 @@ class SeriesAnswer(BaseModel):
 
     series: list[SeriesShown]
     seq: int
+    groups: Annotated[
+        int, Field(description="that there are; more than shown if max_groups is less")
+    ]
 
 
 @router.get("/runs/{run_id}/metrics", operation_id="listMetrics", responses=responses(404))
@@ -122,7 +130,8 @@ def list_metrics(_who: Viewer, parts: Parts, run_id: str) -> MetricNames:
 )
 def query_series(_who: Viewer, parts: Parts, request: Request, body: SeriesQuery) -> Response:
     """Curves from all points of all runs asked for; every bucket keeps its extremes."""
-    groups = group_runs(runs_of(parts, body.runs, body.filter), body.group_by)
+    found_groups = group_runs(runs_of(parts, body.runs, body.filter), body.group_by)
+    groups = found_groups[-body.max_groups :]
     if len(groups) * len(body.metrics) > _MAX_CURVES:
         raise ApiError(
             422,
@@ -137,8 +146,9 @@ def query_series(_who: Viewer, parts: Parts, request: Request, body: SeriesQuery
     headers = [_header(*both) for both in zip(owners, found, strict=True)]
     curves = [{name: getattr(series.curve, name) for name in _COLUMNS} for series in found]
     if request.headers.get("accept", "").startswith(BINARY):
-        return Response(_binary(headers, curves, seq), media_type=BINARY)
-    answer = {"series": [h | c for h, c in zip(headers, curves, strict=True)], "seq": seq}
+        return Response(_binary(headers, curves, seq, len(found_groups)), media_type=BINARY)
+    shown = [h | c for h, c in zip(headers, curves, strict=True)]
+    answer = {"series": shown, "seq": seq, "groups": len(found_groups)}
     data = orjson.dumps(answer, option=orjson.OPT_SERIALIZE_NUMPY)  # NaN becomes null
     return Response(data, media_type="application/json")
 
@@ -183,14 +193,16 @@ def _header(group: Group, series: Series) -> dict[str, Any]:
     }
 
 
-def _binary(headers: list[dict[str, Any]], curves: list[dict[str, Any]], seq: int) -> bytes:
+def _binary(
+    headers: list[dict[str, Any]], curves: list[dict[str, Any]], seq: int, groups: int
+) -> bytes:
     """Length of the header (uint32), the header as JSON, then the columns of each curve as float32.
 
     Everything is little-endian; spaces at the header's end align the columns to 4 bytes.
     """
     lengths = [len(curve["x"]) for curve in curves]
     described = [h | {"length": length} for h, length in zip(headers, lengths, strict=True)]
-    text = orjson.dumps({"series": described, "columns": _COLUMNS, "seq": seq})
+    text = orjson.dumps({"series": described, "columns": _COLUMNS, "seq": seq, "groups": groups})
     text += b" " * (-len(text) % 4)
     columns = [curve[name].astype("<f4").tobytes() for curve in curves for name in _COLUMNS]
     return b"".join([len(text).to_bytes(4, "little"), text, *columns])

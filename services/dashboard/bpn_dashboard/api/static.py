@@ -59,7 +59,7 @@ def ui_routes(folder: Path = BUILT, *, prefix: str = "") -> APIRouter:
 
 
 def _home(path: str) -> str:
-    """Where the page is, seen from a path that is none, whatever stands before it; it says itself what is not there."""
+    """Where the page is, seen from a path that is none, whatever stands before it; it says what is not there."""
     page = quote(path.split("/", maxsplit=1)[0], safe="")
     return ("../" * path.count("/") or "./") + f"?page={page}"
 

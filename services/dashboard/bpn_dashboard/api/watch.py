@@ -35,8 +35,12 @@ class AlertPage(BaseModel):
     """Newest first."""
 
     items: list[Alert]
-    webhook: Annotated[bool, Field(description="they are sent to an address that the operator gave")]
-    webhook_trouble: Annotated[str, Field(description="why the last one was not sent; empty: it was")]
+    webhook: Annotated[
+        bool, Field(description="they are sent to an address that the operator gave")
+    ]
+    webhook_trouble: Annotated[
+        str, Field(description="why the last one was not sent; empty: it was")
+    ]
 
 
 class ServiceHistory(BaseModel):
@@ -116,13 +120,13 @@ def disk(_who: Viewer, parts: Parts) -> DiskStatus:
     usage = shutil.disk_usage(parts.runs.runs_dir)
     with parts.database.reading() as session:
         total, measured = session.execute(
-            select(func.coalesce(func.sum(RunRow.disk_bytes), 0), func.count(RunRow.disk_bytes))
+            select(func.sum(RunRow.disk_bytes), func.count(RunRow.disk_bytes))
         ).one()
     removed = [one.size_bytes or 0 for one, _ in parts.removals.contents()]
     return DiskStatus(
         total_bytes=usage.total,
         free_bytes=usage.free,
-        runs_bytes=int(total),
+        runs_bytes=int(total or 0),
         runs_measured=measured,
         trash_bytes=sum(removed),
     )

@@ -1,4 +1,4 @@
-"""Texts as people mean them, as columns that any database can compare: whatever case, form or alphabet they are in."""
+"""Texts as people mean them, as columns that any database can compare, whatever case or form they are in."""
 
 import re
 import unicodedata

@@ -61,7 +61,9 @@ class Samples:
                 session.merge(row)
             if self._taken % _TIDY_EVERY == 0:
                 session.execute(delete(SampleRow).where(SampleRow.at < at - KEPT_S))
-                newest = select(SampleRow.at).order_by(SampleRow.at.desc()).offset(MOST_ROWS).limit(1)
+                newest = (
+                    select(SampleRow.at).order_by(SampleRow.at.desc()).offset(MOST_ROWS).limit(1)
+                )
                 if (last := session.scalar(newest)) is not None:
                     session.execute(delete(SampleRow).where(SampleRow.at <= last))
         self._taken += 1
@@ -125,4 +127,3 @@ def _sample(node: Node, at: int) -> SampleRow:
         messages_per_s=sum(flow.messages_per_s for flow in flows),
         dropped_per_s=sum(flow.dropped_per_s for flow in flows),
     )
-

@@ -2,9 +2,10 @@
 
 import math
 from collections import deque
+from math import nan
 from typing import Annotated, Any, Self
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
 
 from bpn_shared.runs.digests import DamagedError, check_line
 from bpn_shared.runs.folder import RunFolder
@@ -12,7 +13,10 @@ from bpn_shared.runs.tail import Tail
 
 _MEAN_OF = 5
 _Count = Annotated[int, Field(ge=0, lt=2**53)]
-_Number = Annotated[float, Field(allow_inf_nan=True)]
+_Number = Annotated[
+    float, Field(allow_inf_nan=True), BeforeValidator(lambda v: nan if v is None else v)
+]
+"""Null is a value that an iteration should have and has not, as one of a learning that diverged."""
 
 
 class Record(BaseModel):
@@ -23,22 +27,20 @@ class Record(BaseModel):
     iteration: _Count
     weights_version: Annotated[int, Field(ge=0, lt=2**63)]
     length: _Number
-    return_px: _Number | None = None
+    return_px: _Number = nan
     time_unix_s: _Number = 0.0
-    return_own: Annotated[_Number | None, Field(validation_alias="return")] = None
+    return_own: Annotated[_Number, Field(validation_alias="return")] = nan
 
     @model_validator(mode="after")
     def _has_a_return(self) -> Self:
-        if self.return_px is None and self.return_own is None:
+        if not {"return_px", "return_own"} & self.model_fields_set:
             raise ValueError("no return")
         return self
 
     @property
     def mean_return(self) -> float:
         """In the unit of the run's return metric."""
-        value = self.return_own if self.return_px is None else self.return_px
-        assert value is not None  # else it is no record
-        return value
+        return self.return_px if "return_px" in self.model_fields_set else self.return_own
 
 
 class Progress:

@@ -9,7 +9,7 @@ from bpn_dashboard.series.downsample import Floats
 from bpn_dashboard.series.points import NO_POINTS, Points
 
 Axis = Literal["iteration", "process_s", "wall_s", "transitions"]
-"""Iterations; seconds that the run was worked on, without pauses; seconds since its start by the clock on the wall;
+"""Iterations; seconds that the run was worked on, without pauses; seconds since its start, by the clock;
 transitions seen so far."""
 
 _DURATION = "iteration_s"

@@ -19,8 +19,8 @@ Floats = npt.NDArray[np.float64]
 class Buckets:
     """What is known of each bucket; all float64[k], ascending in `x`.
 
-    Points that are NaN count nowhere; a bucket that has no others is there all the same, with NaN for all but `n`: a
-    hole in a series shall be seen as one.
+    Points that are NaN count nowhere; a bucket that has no others is there all the same, with NaN for all but `n`:
+    a hole in a series shall be seen as one.
 
     Attributes:
         x: where the bucket begins.
@@ -57,7 +57,7 @@ class Buckets:
         return self._gathered(np.floor(self.x / width) * width)
 
     def _gathered(self, starts: Floats) -> "Buckets":
-        """One bucket for each value in `starts` float64[k], which are ascending: where the buckets' buckets begin."""
+        """One bucket for each value in `starts` float64[k], ascending: where those begin that these join."""
         if not len(starts):
             return self
         first = np.flatnonzero(np.diff(starts, prepend=-np.inf))

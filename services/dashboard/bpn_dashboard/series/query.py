@@ -18,8 +18,8 @@ from bpn_dashboard.series.points import NO_POINTS, Points
 from bpn_dashboard.series.statistics import Band, Curve, Statistic, summarize
 from bpn_dashboard.series.summary import Value, value_of
 
-_REMEMBERED = 256
-"""Curves, of at most 4000 buckets of 64 bytes each: 64 MB."""
+_REMEMBERED_BYTES = 64 * 1024 * 1024
+"""Of curves, however many that are: a page of a hundred lines asks for each again when one has grown."""
 
 
 @dataclass(frozen=True)
@@ -65,6 +65,7 @@ class SeriesQueries:
         self._database = database
         self._lock = threading.Lock()
         self._known: OrderedDict[Hashable, Series] = OrderedDict()
+        self._known_bytes = 0
 
     def query(
         self, groups: Sequence[Mapping[str, int]], metrics: Sequence[str], view: View
@@ -135,7 +136,7 @@ class SeriesQueries:
         rows = [found[run, metric] for run in sorted(seeds) if (run, metric) in found]
         names = METRICS[view.axis]
         axes = [
-            found[key] for row in rows for name in names if (key := (row.run_id, name)) in found
+            found[row.run_id, name] for row in rows for name in names if (row.run_id, name) in found
         ]
         key = metric, view, tuple((row.id, row.revision) for row in (*rows, *axes))
         with self._lock:
@@ -144,10 +145,17 @@ class SeriesQueries:
                 return known
         series = _series(session, rows, axes, metric, view, seeds=seeds)
         with self._lock:
-            self._known[key] = series
-            while len(self._known) > _REMEMBERED:
-                self._known.popitem(last=False)
+            self._remember(key, series)
         return series
+
+    def _remember(self, key: Hashable, series: Series) -> None:
+        if key in self._known:  # another thread was as quick
+            return
+        self._known[key] = series
+        self._known_bytes += series.curve.size_bytes
+        while self._known_bytes > _REMEMBERED_BYTES:
+            _, oldest = self._known.popitem(last=False)
+            self._known_bytes -= oldest.curve.size_bytes
 
 
 def _series(

@@ -10,7 +10,7 @@ and no result depends on the order of the seeds.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cache
 from typing import Literal
 
@@ -23,6 +23,7 @@ Statistic = Literal["mean", "median", "iqm"]
 Band = Literal["std", "sem", "ci95", "minmax"]
 
 _RESAMPLES = 500
+_REST_BYTES = 2000
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,6 +49,11 @@ class Curve:
     min: Floats
     max: Floats
     last: Floats
+
+    @property
+    def size_bytes(self) -> int:
+        """Of its columns, and about what the rest takes."""
+        return sum(int(getattr(self, field.name).nbytes) for field in fields(self)) + _REST_BYTES
 
 
 def summarize(

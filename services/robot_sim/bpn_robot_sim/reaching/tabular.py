@@ -60,19 +60,22 @@ def greedy_returns(update: Update, iterations: int, seed: int) -> npt.NDArray[np
 def _backup(
     P: Table, after: npt.NDArray[np.intp], rewards: npt.NDArray[np.float64], alpha: float | None
 ) -> Table:
-    reward = _REWARD_SCALE * rewards[after]
+    reward: Table = _REWARD_SCALE * rewards[after]
     if alpha is None:
-        return reward + _GAMMA * P.max(axis=1)[after]
-    top = P.max(axis=1, keepdims=True)
-    mellowmax = top + np.log(np.exp(_BETA * (P - top)).mean(axis=1, keepdims=True)) / _BETA
-    return reward + _GAMMA * mellowmax[after, 0] + alpha * (P - mellowmax)
+        best: Table = P.max(axis=1)
+        return reward + _GAMMA * best[after]
+    top: Table = P.max(axis=1, keepdims=True)
+    mellowmax: Table = top + np.log(np.exp(_BETA * (P - top)).mean(axis=1, keepdims=True)) / _BETA
+    y: Table = reward + _GAMMA * mellowmax[after, 0] + alpha * (P - mellowmax)
+    return y
 
 
 def _levels(P: Table, nodes: int) -> Table:
     """The nearest of lambda {-N, -N + 2, ..., N}, less the mean of P, as relative targets are."""
     relative = P - P.mean()
-    scale = np.abs(relative).max() / nodes
-    return scale * (2 * np.round((relative / scale + nodes) / 2) - nodes)
+    scale = float(np.abs(relative).max()) / nodes
+    steps: Table = 2 * np.round((relative / scale + nodes) / 2) - nodes
+    return scale * steps
 
 
 def _played(P: Table, after: npt.NDArray[np.intp], rewards: npt.NDArray[np.float64]) -> float:

@@ -59,7 +59,7 @@ def test_every_task_has_a_preset_and_observations_of_its_network(task: TaskSpec)
         ({"pacing": "slow"}, "pacing = 'slow': Input should be 'lockstep' or 'realtime'"),
         (
             {"task": "flying"},
-            "task = 'flying': unknown; one of: arm, gym:[MODULE:]ENVIRONMENT-ID, pan_tilt, pan_tilt_both, reaching",
+            "task = 'flying': unknown; one of: arm, gym:[MODULE:]ENVIRONMENT-ID, pan_tilt",
         ),
         (
             {"algorithm": "sarsa"},
@@ -241,7 +241,9 @@ PRESET_VALUES: dict[str, dict[str, Any]] = {
         "scale_initial": 0.05, "reward_scale": 0.6,
     },
     "gym:Other-v0": {
-        "frames_stacked": 2, "actions": 5, "steps": 200, "bootstrap_terminals": False, "reward_scale": 1.0,
+        "frames_stacked": 2, "actions": 5, "steps": 200, "bootstrap_terminals": False, "reward_scale": 0.0,
+        "scale_initial": 0.0, "hidden_units": 256, "relative_targets": True, "n_step": 8, "episodes": 20,
+        "replay_transitions": 20_000, "max_updates": 500,
     },
 }  # fmt: skip
 
@@ -360,3 +362,16 @@ def test_options_of_an_algorithm_that_no_file_could_hold_are_refused(
     with pytest.raises(ConfigError, match="algorithm_options") as refused:
         RunConfig.for_task("reaching", algorithm_options=given)
     assert message in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("period_s", "pacing", "expected_s"),
+    [(0.145, "realtime", 1), (0.4, "realtime", 2), (60, "realtime", 300), (60, "lockstep", 1)],
+)
+def test_robot_and_edge_may_be_silent_for_some_control_periods(
+    period_s: float, pacing: str, expected_s: float
+) -> None:
+    config = RunConfig.for_task("reaching", pacing=pacing)
+    task = config.task_spec.model_copy(update={"control_period_s": period_s})
+    slow = config.model_copy(update={"task_spec": task})
+    assert slow.longest_silence_s == pytest.approx(expected_s)

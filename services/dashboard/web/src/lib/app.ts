@@ -1,5 +1,6 @@
 /** What every view needs, made once per page: server, session, live connection, URL, keyboard, messages. */
 
+import { Alerts } from './alerts';
 import { ApiClient } from './api/client';
 import type { ConfigSchema } from './api/types';
 import { StrokeBook, type KeyStorage } from './colour';
@@ -8,6 +9,7 @@ import { LiveClient, type ConnectionStatus } from './live/client';
 import { Value } from './observable';
 import { Router } from './router';
 import { SessionKeeper } from './session';
+import type { StartRequest } from './start';
 import { exposeStats } from './stats';
 import { Theme } from './theme';
 import { Ticker } from './ticker';
@@ -20,11 +22,14 @@ export class App {
   readonly keyboard = new Keyboard(document);
   readonly toasts = new Toasts();
   readonly storage: KeyStorage = safeStorage();
+  readonly alerts = new Alerts(this.toasts, this.storage, (href) => this.router.open(href));
   readonly theme = new Theme(document.documentElement, this.storage);
   readonly strokes = new StrokeBook(this.storage);
   readonly connection = new Value<ConnectionStatus | null>(null);
   readonly live = new LiveClient(liveUrl(), { onStatus: (status) => this.connection.set(status) });
   readonly ticker = new Ticker(() => this.live.clock.nowUnixS());
+  /** What is about to be started; null: nothing. */
+  readonly starting = new Value<StartRequest | null>(null);
   #schema: Promise<ConfigSchema> | null = null;
 
   constructor() {

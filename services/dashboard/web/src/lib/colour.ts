@@ -20,9 +20,9 @@ export const COLOUR_NAMES = {
 
 export const DASHES: readonly (readonly number[])[] = [[], [8, 4], [2, 3], [10, 3, 2, 3]];
 const COLOURS = PALETTE.light.length;
-/** The order in which colours are given. Grey, and the sky blue that a thin line hardly tells from blue, come last. */
-const ORDER = [0, 1, 2, 3, 4, 6, 5, 7] as const;
-const HUES = ORDER.length - 2;
+/** The order in which colours are given: last those that a thin line hardly tells from another, and grey. */
+const ORDER = [0, 1, 2, 3, 6, 4, 5, 7] as const;
+const HUES = 5; // blue, orange, green, pink, black or yellow
 const SLOTS = COLOURS * DASHES.length;
 
 export type ThemeName = keyof typeof PALETTE;

@@ -22,6 +22,12 @@ export class Refresh {
     this.#next();
   }
 
+  /** Loads again at once, or when what is loading now is there. */
+  now(): void {
+    this.#nextAtMs = 0;
+    this.request();
+  }
+
   /** Ends for good. */
   stop(): void {
     this.#stopped = true;

@@ -43,6 +43,12 @@ export class Toasts {
     };
   }
 
+  /** Something happened elsewhere that somebody should see to; it stays until it is dismissed. */
+  alert(text: string, open: () => void): void {
+    const action = { label: 'Show', run: open };
+    this.#add({ kind: 'problem', text, detail: '', action, forMs: Infinity });
+  }
+
   /** What went wrong; it stays until it is dismissed. */
   failed(what: string, error: unknown): void {
     const problem = asProblem(error);

@@ -122,6 +122,12 @@ export class ApiClient {
       ...(signal ? { signal } : {}),
     });
 
+  episodeDistributions = (query: unknown, signal?: AbortSignal) =>
+    this.json<t.EpisodeDistributions>('POST', '/comparison/episodes', {
+      body: query,
+      ...(signal ? { signal } : {}),
+    });
+
   tags = {
     all: (signal?: AbortSignal) => this.get<{ items: t.TagCount[] }>('/tags', undefined, signal),
     change: (ids: string[], add: string[], remove: string[]) =>

@@ -29,10 +29,10 @@ const described = {
 };
 
 test('columns come back in their place, NaN as missing', () => {
-  const header = { series: [{ ...described, length: 2 }], columns: COLUMNS, seq: 7 };
+  const header = { series: [{ ...described, length: 2 }], columns: COLUMNS, seq: 7, groups: 9 };
   const columns = COLUMNS.map((_, i) => [i, i === 2 ? NaN : i + 0.5]);
-  const { series, seq } = decodeSeries(encode(header, columns));
-  expect(seq).toBe(7);
+  const { series, seq, groups } = decodeSeries(encode(header, columns));
+  expect([seq, groups]).toEqual([7, 9]);
   expect(series[0]).toMatchObject({
     metric: 'loss',
     x: [0, 0.5],

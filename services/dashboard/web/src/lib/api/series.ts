@@ -12,6 +12,7 @@ interface Header {
   series: Described[];
   columns: string[];
   seq: number;
+  groups: number;
 }
 
 /** Unpacks curves; all numbers are little-endian. Throws a Problem if the message is cut or not of this form. */
@@ -29,7 +30,7 @@ export function decodeSeries(message: ArrayBuffer): SeriesAnswer {
     return { ...described, ...columns } as Series;
   });
   if (at !== message.byteLength) throw unreadable(`${message.byteLength} bytes, not ${at}`);
-  return { series, seq: header.seq };
+  return { series, seq: header.seq, groups: header.groups };
 }
 
 function headerLength(message: ArrayBuffer): number {

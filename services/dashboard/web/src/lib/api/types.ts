@@ -24,12 +24,17 @@ export type ConfigDiff = Schemas['ConfigDiff'];
 
 export type Comparison = Schemas['ComparisonAnswer'];
 export type ComparedGroup = Schemas['GroupShown'];
-export type ComparisonQuery = Omit<Required<Schemas['ComparisonQuery']>, 'filter' | 'runs'> & {
+export type ComparisonQuery = Omit<
+  Required<Schemas['ComparisonQuery']>,
+  'filter' | 'runs' | 'group_by'
+> & {
+  group_by: string[] | 'all_but_seed' | null;
   runs?: string[];
   filter?: Record<string, string | boolean>;
 };
 /** What of a run's metric is meant: the newest value, an extreme, or the mean of so many newest. */
 export type MetricValue = ComparisonQuery['value'];
+export type EpisodeDistributions = Schemas['EpisodesAnswer'];
 export type Overview = Omit<Schemas['Overview'], 'states' | 'differing' | 'same'> & {
   states: Partial<Record<RunState, number>>;
   differing: { key: string; distinct: number; values: { value: ConfigValue; runs: number }[] }[];
@@ -81,6 +86,7 @@ export interface JsonSchemaProperty {
 }
 
 export type SystemStatus = Schemas['SystemStatus'];
+export type DiskStatus = Schemas['DiskStatus'];
 
 export type TaskInfo = Schemas['RunTask'];
 

@@ -39,6 +39,7 @@ export function drawMarks(
   context.lineWidth = style.scale;
   context.font = style.font;
   context.textBaseline = 'top';
+  context.textAlign = 'left';
   let free = -Infinity;
   for (const { x, text } of marks) {
     const left = Math.round(at(x)) + 0.5;
@@ -48,10 +49,12 @@ export function drawMarks(
     context.moveTo(left, box.top);
     context.lineTo(left, box.top + box.height);
     context.stroke();
-    const width = context.measureText(text).width;
-    if (left < free || left + width > box.left + box.width) continue;
-    context.fillText(text, left + 3 * style.scale, box.top);
-    free = left + width + 8 * style.scale;
+    const width = context.measureText(text).width + 3 * style.scale;
+    const fits = left + width <= box.left + box.width;
+    const begin = fits ? left + 3 * style.scale : left - width; // at the end, before its line
+    if (begin < free) continue;
+    context.fillText(text, begin, box.top);
+    free = begin + width + 8 * style.scale;
   }
   context.restore();
 }

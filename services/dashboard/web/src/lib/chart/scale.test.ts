@@ -17,7 +17,7 @@ const span = fc
     fc.double({ noNaN: true, min: -1e12, max: 1e12 }),
     fc.double({ noNaN: true, min: 1e-3, max: 1e12 }),
   )
-  .map(([low, width]): [number, number] => [low, low + width])
+  .map(([low, width]): [number, number] => [low + 0, low + width])
   .filter(([low, high]) => low < high);
 
 test('a scale survives its link, on pages that begin linear or logarithmic', () => {

@@ -7,7 +7,14 @@ import type { View } from '../router';
 import { ALL_BUT_SEED } from '../runs/groups';
 import { filterOf } from '../runs/query';
 
-export const TABS = ['curves', 'configuration', 'heatmap'] as const;
+export const TABS = [
+  'curves',
+  'results',
+  'scatter',
+  'parallel',
+  'configuration',
+  'heatmap',
+] as const;
 export const STATISTICS: readonly [Statistic, ...Statistic[]] = ['mean', 'median', 'iqm'];
 export const BANDS: readonly [Band, ...Band[]] = ['std', 'sem', 'ci95', 'minmax'];
 export const AXES: readonly [XAxis, ...XAxis[]] = [
@@ -31,7 +38,7 @@ export const BAND_TITLES: Record<Band, string> = {
 };
 export const AXIS_TITLES: Record<XAxis, string> = {
   iteration: 'iteration',
-  process_s: 'time worked on it',
+  process_s: 'time worked',
   wall_s: 'time since the start',
   transitions: 'transitions',
 };
@@ -71,11 +78,19 @@ export function metricsOf(view: View, returns: readonly string[]): string[] {
 }
 
 /** The part of a series query that all charts of the page share. */
-export type SharedQuery = Omit<SeriesQuery, 'metrics' | 'max_points'>;
+export type SharedQuery = Omit<SeriesQuery, 'metrics' | 'max_points' | 'max_groups'>;
+
+/** Of which runs, as bodies of requests have it. */
+export function subjectQuery(subject: Subject): {
+  runs?: string[];
+  filter?: Record<string, string | boolean>;
+} {
+  return subject.runs ? { runs: subject.runs } : { filter: filterBody(subject.filter) };
+}
 
 export function sharedQuery(view: View, subject: Subject): SharedQuery {
   return {
-    ...(subject.runs ? { runs: subject.runs } : { filter: filterBody(subject.filter) }),
+    ...subjectQuery(subject),
     group_by: groupingOf(view, subject),
     x: view.choice('x', AXES),
     range: view.range('range'),

@@ -6,6 +6,7 @@ export const topics = {
   metrics: (run: string) => `metrics/${run}`,
   logs: (run: string) => `logs/${run}`,
   runs: 'runs',
+  alerts: 'alerts',
   topology: 'topology',
 } as const;
 

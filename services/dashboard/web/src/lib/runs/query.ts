@@ -20,6 +20,8 @@ export function filterOf(view: View): RunQuery {
   const query: RunQuery = {};
   const search = view.text('search');
   if (search) query.search = search;
+  const words = view.text('query');
+  if (words) query.query = words;
   const states = view.list('state');
   if (states.length > 0) query.state = states.join(',');
   for (const key of ['task', 'algorithm', 'sweep_id'] as const) {
@@ -47,19 +49,4 @@ export function nextSort(current: string, key: string, descendingFirst: boolean)
   const [first, second] = descendingFirst ? [`-${key}`, key] : [key, `-${key}`];
   if (current === first) return second;
   return current === second && key !== 'created_at' ? NEWEST_FIRST : first;
-}
-
-/** Splits `alpha=0.95 arm` of the search field into filters on configuration keys and words. */
-export function parseSearch(
-  text: string,
-  keys: ReadonlySet<string>,
-): { search: string; config: Record<string, string> } {
-  const config: Record<string, string> = {};
-  const words = text.split(/\s+/).filter((word) => {
-    const [key = '', value] = word.split('=', 2);
-    if (value === undefined || value === '' || !keys.has(key)) return true;
-    config[key] = value;
-    return false;
-  });
-  return { search: words.join(' '), config };
 }

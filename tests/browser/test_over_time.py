@@ -1,0 +1,169 @@
+"""What one sees of the past: logs that grow, alerts, load, where attempts were made."""
+
+import re
+from datetime import UTC, datetime
+from typing import Any
+from uuid import UUID
+
+import uuid_utils
+from playwright.sync_api import Page, expect
+
+from bpn_shared.runs.environment import Environment, write_environment
+from bpn_shared.runs.folder import RunFolder
+from bpn_shared.spec.config import RunConfig
+
+AT_END = "log => log.scrollHeight - log.scrollTop - log.clientHeight < 24"
+TRACEBACK = "it failed\nTraceback (most recent call last):\n" + "  File x\n" * 40 + "Error: no GPU"
+
+
+def say(folder: RunFolder, first: int, lines: int, text: str = "said") -> None:
+    with (folder.logs / "learner.log").open("a") as log:
+        for i in range(first, first + lines):
+            at = datetime.fromtimestamp(1.79e9 + i, UTC).strftime("%Y-%m-%dT%H:%M:%S.000Z")
+            log.write(f"{at} learner INFO {text} {i}\n")
+
+
+def make_run(dashboard: Any, wait_for: Any, *, attempts: int = 2, error: str = "") -> RunFolder:
+    """A run that another program made: resumed once, failed or finished, with a long log."""
+    run = UUID(str(uuid_utils.uuid7()))
+    folder = RunFolder.create(
+        dashboard.runs_dir, run, RunConfig.for_task("reaching", iterations=20)
+    )
+    folder.logs.mkdir(exist_ok=True)
+    with folder.owned("learner-1") as owner:
+        for attempt in range(attempts):
+            owner.begin_attempt()
+            here = Environment.here(owner.attempt, "learner-1")
+            here = here.model_copy(update={"host": f"machine-{attempt}"})
+            write_environment(folder, here, prove=owner.prove)
+            for i in range(10 * attempt, 10 * attempt + 10):
+                folder.append_metrics(
+                    {
+                        "iteration": i, "attempt": owner.attempt, "return_px": -300.0 + i, "length": 20.0,
+                        "loss": None if i > 14 else 0.5, "weights_version": i + 1, "iteration_s": 5.0,
+                        "time_unix_s": 1.79e9 + 5 * i + 86_400 * attempt,
+                    }
+                )  # fmt: skip
+        owner.set_state("failed" if error else "finished", error=error)
+    say(folder, 0, 300)
+    wait_for(lambda: str(run) in {one["id"] for one in dashboard.runs()}, "the run to be found")
+    return folder
+
+
+def test_a_log_is_followed_until_its_reader_scrolls_away(
+    page: Page, dashboard: Any, wait_for: Any
+) -> None:
+    folder = make_run(dashboard, wait_for)
+    page.goto(f"{dashboard.url}?page=run&run={folder.run}&tab=logs")
+    log = page.get_by_role("log", name="Log of the run")
+    for i in range(300, 340, 4):  # in pieces, as services write
+        say(folder, i, 4)
+        expect(log.get_by_text(f"said {i + 3}", exact=True)).to_be_visible()
+        page.wait_for_function(AT_END, arg=log.element_handle())
+    log.hover()
+    page.mouse.wheel(0, -600)
+    back = page.get_by_role("button", name="To the end")
+    expect(back).to_be_visible()
+    say(folder, 340, 5)
+    expect(page.get_by_role("button", name="5 new")).to_be_visible()
+    page.get_by_role("button", name="5 new").click()
+    expect(log.get_by_text("said 344", exact=True)).to_be_visible()
+    page.wait_for_function(AT_END, arg=log.element_handle())
+
+
+def test_the_first_line_of_a_long_log_is_found_and_a_traceback_has_its_lines(
+    page: Page, dashboard: Any, wait_for: Any
+) -> None:
+    folder = make_run(dashboard, wait_for, error=TRACEBACK)
+    with (folder.logs / "learner.log").open("a") as log_file:
+        log_file.write(f"2026-11-28T10:00:00.000Z learner ERROR {TRACEBACK}\n")
+    say(folder, 5000, 400, text="more")
+    page.goto(f"{dashboard.url}?page=run&run={folder.run}&tab=logs&search=said+0")
+    log = page.get_by_role("log", name="Log of the run")
+    expect(log.get_by_text("said 0", exact=True)).to_be_visible()
+    page.goto(f"{dashboard.url}?page=run&run={folder.run}&tab=logs&level=ERROR")
+    expect(log.get_by_text("Error: no GPU", exact=True)).to_be_visible()
+    rows = log.get_by_role("listitem").evaluate_all(
+        "all => all.map((row) => row.getBoundingClientRect().top)"
+    )
+    assert len(rows) == len(set(rows)) > 10  # none is printed over another
+    reason = page.get_by_role("alert").filter(has_text="Why it failed")
+    expect(reason).to_contain_text("Error: no GPU")
+    assert reason.bounding_box()["height"] < 120
+
+
+def test_curves_show_pauses_holes_and_resumptions(
+    page: Page, dashboard: Any, wait_for: Any
+) -> None:
+    folder = make_run(dashboard, wait_for)
+    page.goto(f"{dashboard.url}?page=run&run={folder.run}&x=process_s")
+    loss = page.get_by_role("figure", name=re.compile("^Loss"))
+    expect(loss.get_by_text(re.compile("no value since time worked"))).to_be_visible()
+    figure = page.get_by_role("figure", name=re.compile("^Return"))
+    expect(figure).to_have_attribute("data-ready", "true")
+    figure.get_by_role("application").focus()
+    page.keyboard.press("End")
+    expect(figure.get_by_text(re.compile(r"^time worked 1\smin 40\ss"))).to_be_attached()
+    figure.get_by_role("button", name="Scale of Return").click()
+    page.get_by_role("group", name="Scale of Return").get_by_label("Logarithmic").check()
+    expect(figure.get_by_text("log on both sides of 0")).to_be_visible()
+    assert "y.return_px=log" in page.url
+    page.reload()
+    expect(figure.get_by_text("log on both sides of 0")).to_be_visible()
+
+    page.goto(f"{dashboard.url}?page=run&run={folder.run}&tab=config")
+    environment = page.get_by_role("region", name="Environment")
+    expect(environment).to_contain_text("machine-1")
+    environment.get_by_label("Attempt").select_option("attempt 1")
+    expect(environment).to_contain_text("machine-0")
+
+
+def test_a_run_that_fails_is_told_and_load_is_kept(
+    page: Page, dashboard: Any, wait_for: Any
+) -> None:
+    page.goto(f"{dashboard.url}?page=system")
+    expect(page.get_by_role("heading", name="Load over time")).to_be_visible()
+    make_run(dashboard, wait_for, error="somebody pulled the plug")
+    text = "reaching bpn seed 0 failed: somebody pulled the plug"
+    expect(page.get_by_role("region", name="Messages").get_by_text(text)).to_be_visible()
+    expect(page.get_by_role("region", name="Alerts").get_by_role("listitem").first).to_contain_text(
+        text
+    )
+    chart = page.get_by_role("figure", name=re.compile("^CPU"))
+    expect(chart.get_by_text("Dashboard")).to_be_visible()
+    page.get_by_role("region", name="Messages").get_by_role("button", name="Show").click()
+    expect(page.get_by_role("heading", name="reaching bpn seed 0", level=1)).to_be_visible()
+
+
+def test_a_wrong_order_has_a_way_out_and_a_wrong_path_too(
+    page: Page, dashboard: Any, watch: Any
+) -> None:
+    watch.allow("422")
+    page.goto(f"{dashboard.url}?page=runs&sort=-nonsense")
+    page.get_by_role("link", name="Without filters and order").click()
+    expect(page.get_by_role("region", name="Runs")).to_be_visible()
+    page.goto(f"{dashboard.url}runs/some-id")
+    expect(page.get_by_role("heading", name="Runs", level=1)).to_be_visible()
+    page.goto(f"{dashboard.url}old/bookmark")
+    expect(page.get_by_text("There is no page “old”")).to_be_visible()
+
+
+def test_a_page_whose_code_is_gone_is_read_anew_once(
+    page: Page, dashboard: Any, watch: Any
+) -> None:
+    watch.allow("404|Failed to load")
+    gone = {"asked": 0}
+
+    def refuse(route: Any) -> None:
+        gone["asked"] += 1
+        route.fulfill(status=404)
+
+    page.goto(dashboard.url)
+    expect(page.get_by_role("heading", level=1)).to_be_visible()
+    page.route(re.compile(r"assets/Sweeps-.*\.js"), refuse)
+    page.get_by_role("link", name="Sweeps").click()
+    expect(page.get_by_text("The page’s code did not come")).to_be_visible()  # after one more try
+    assert gone["asked"] == 2
+    page.unroute(re.compile(r"assets/Sweeps-.*\.js"))
+    page.get_by_role("button", name="Try again").click()
+    expect(page.get_by_role("heading", name="Sweeps", level=1)).to_be_visible()

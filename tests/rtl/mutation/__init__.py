@@ -1,0 +1,1 @@
+"""How many random faults in the core's RTL the tests notice."""

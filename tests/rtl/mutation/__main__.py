@@ -1,0 +1,96 @@
+"""How many random faults in the core's RTL the tests notice: `python -m tests.rtl.mutation --sample 300 --seed 1`.
+
+A mutant differs in one place: an operator, a constant, a condition, a choice, an assignment left out. They are
+tried in an order that is drawn once, so that those tried so far are a fair sample of all; goes on where it was.
+Each runs the tests until one fails, the quickest first; those that live are listed.
+"""
+
+import argparse
+import contextlib
+import hashlib
+import io
+import json
+import os
+import random
+import resource
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.rtl.mutation import model
+from tests.rtl.mutation.places import Mutant
+
+HERE = Path(__file__).parents[1]
+TESTS = (
+    "test_exact.py::test_sizes_at_the_engines_seams",
+    "test_stacked.py",
+    "test_refusals.py",
+    "test_swaps.py",
+    "test_exact.py",
+)
+NOT = "not other_builds and not does_not_answer and not given_up"
+"""Other builds have models of their own, and two tests are about waiting."""
+_LONGEST_S = 600
+"""Of processor time: whoever takes longer hangs, which is noticed."""
+
+
+def noticed(number: int) -> bool:
+    """Whether a test fails; in a process of its own, which has everything imported already."""
+    child = os.fork()
+    if child == 0:
+        os.environ[model.CHOSEN] = str(number)
+        resource.setrlimit(resource.RLIMIT_CPU, (_LONGEST_S, _LONGEST_S))
+        failed = True
+        with contextlib.suppress(BaseException), contextlib.redirect_stdout(io.StringIO()):
+            tests = [str(HERE / test) for test in TESTS]
+            options = ["-q", "-x", "-p", "no:cacheprovider", "--timeout=0", "-k", NOT]
+            failed = pytest.main([*options, *tests]) != 0
+        os._exit(failed)
+    return os.waitpid(child, 0)[1] != 0
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--sample", type=int, default=300)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--again", action="store_true", help="those that lived, with other tests")
+    parser.add_argument("--where", type=Path, default=HERE.parents[1] / "build/rtl-mutants")
+    options = parser.parse_args()
+    files = model.rtl()
+    mutants = [mutant for file in files for mutant in file.mutants()]
+    random.Random(options.seed).shuffle(mutants)
+    sample = {mutant: number for number, mutant in enumerate(mutants[: options.sample], 1)}
+    digest = hashlib.sha256("".join(file.text for file in files).encode()).hexdigest()[:12]
+    where = options.where.resolve() / f"{digest}-{options.seed}-{options.sample}"
+    results = options.where.resolve() / f"{digest}-{options.seed}.jsonl"
+    model.write(files, sample, where / "rtl")
+    model.use(where / "rtl")
+    if noticed(0):
+        print("the tests fail with the core as it is")
+        return 1
+    lines = results.read_text().splitlines() if results.exists() else []
+    outcomes: dict[str, bool] = {row["mutant"]: row["noticed"] for row in map(json.loads, lines)}
+    with results.open("a") as file:
+        for mutant, number in sample.items():
+            name = _name(mutant)
+            if name not in outcomes or (options.again and not outcomes[name]):
+                outcomes[name] = noticed(number)
+                file.write(json.dumps({"mutant": name, "noticed": outcomes[name]}) + "\n")
+                file.flush()
+    lived = [mutant for mutant in sample if not outcomes[_name(mutant)]]
+    for mutant in lived:
+        print(mutant)
+    print(
+        f"{len(sample) - len(lived)} of {len(sample)} mutants noticed, of {len(mutants)} that there are "
+        f"({1 - len(lived) / len(sample):.1%})"
+    )
+    return 0
+
+
+def _name(mutant: Mutant) -> str:
+    return f"{mutant.file}@{mutant.begin}-{mutant.end}: {mutant.line} -> {mutant.after}"
+
+
+if __name__ == "__main__":
+    sys.exit(main())
