@@ -181,6 +181,7 @@ def test_a_run_that_stands_still_says_why_and_no_longer_when_it_goes_on(
 
     wait_for(lambda: reason() == "waits for a learner: 0 connected", "the reason of the first")
     learner = hire("learner")
+    registry.running.desk.settle()  # so that it is known, and has no place yet
     learner.ask()
     wait_for(lambda: reason(second) == "1 run before it", "the reason of the second")
     with pytest.raises(RefusedError):
