@@ -11,7 +11,7 @@ PACKAGES := shared services/edge services/learner services/robot services/robot_
 SOURCES := $(PACKAGES:%=%/bpn*)
 
 .DEFAULT_GOAL := help
-.PHONY: help up dev check test dist test-dist test-cross docs coverage images check-manifests mutants fuzz test-rtl test-sanitized test-browser test-observability test-weights test-environments test-trackers test-containers test-chaos test-fresh-machine screenshots lint check-claims version format bench bench-gym bench-sweep reproduce reproduce-quick doctor clean
+.PHONY: $(shell sed -n 's/^\([a-z-]*\):.*\#\#.*/\1/p' $(firstword $(MAKEFILE_LIST)))
 
 help:            ## this list
 	@grep -hE '^[a-z-]+: .*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 20
@@ -35,6 +35,7 @@ check: $(DEV)    ## the inner loop, under a minute on an idle machine: ruff, imp
 BESIDE ?= 2
 
 test: lint       ## lint, then every test, two files beside each other (BESIDE=N), then those of browser and Prometheus
+	[ "$$(id -u)" != 0 ] || sh deploy/check-system.sh $(PYTHON) network
 	$(BIN)/pytest tests --ignore=tests/browser --ignore=tests/observability -n $(BESIDE) --dist loadfile --no-loadscope-reorder
 	$(MAKE) test-browser test-observability
 
@@ -115,6 +116,10 @@ check-manifests: $(VENV)/checkov-$(CHECKOV)/bin/checkov ## Kubernetes' manifests
 
 test-weights: $(DEV) ## the weights of every task and algorithm, as they always were (minutes)
 	BPN_ALL_WEIGHTS=1 $(BIN)/pytest tests/integration/test_golden_weights.py
+
+test-machines: $(DEV) ## two sites with routers and networks of their own, in namespaces (root, two minutes)
+	sh deploy/check-system.sh $(PYTHON) network
+	BPN_MACHINES=1 $(BIN)/pytest -s tests/machines
 
 test-containers: $(DEV) ## build the images, run the whole loop in containers (any Docker Engine from 25 on)
 	sh deploy/check-system.sh $(PYTHON) observability
@@ -201,6 +206,9 @@ bench: $(DEV) ## kernel, learner, loop and dashboard, side by side with what the
 
 bench-sweep: $(DEV) ## a sweep with one learner and with two, in containers (any Docker Engine)
 	PYTHONPATH=tests/support $(BIN)/python bench/sweep.py
+
+additivity: $(DEV) ## the table of docs/factored-actions.md, by dynamic programming
+	$(BIN)/python -m bpn_robot_sim.reaching.additivity
 
 TARGETS := inference averaging reaching latency tracking pan-tilt heatmap
 JOBS ?= 1

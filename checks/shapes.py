@@ -11,15 +11,20 @@ HEADERS = tuple(f"services/{service}/src/shapes.h" for service in ("edge", "lear
 def header() -> str:
     """The header that both kernels include."""
     paper = network.PAPER_CONVOLUTIONS
-    largest = {
+    limits = {
         "kMaxLayers": network.MAX_CONVOLUTIONS + 2,
         "kMaxChannels": network.MAX_CHANNELS,
+        "kMinImagePx": network.MIN_IMAGE_SIZE_PX,
         "kMaxImagePx": network.MAX_IMAGE_SIZE_PX,
         "kMaxKernel": network.MAX_KERNEL,
         "kMaxConvolutionChannels": network.MAX_CONVOLUTION_CHANNELS,
         "kMaxOutputs": max(
             network.MAX_HIDDEN_UNITS, network.MAX_ACTIONS, network.MAX_CONVOLUTION_CHANNELS
         ),
+        "kMaxActions": network.MAX_ACTIONS,
+        "kMaxActionDims": network.MAX_ACTION_DIMS,
+        "kMaxWeights": network.MAX_WEIGHTS,
+        "kMaxMacs": network.MAX_MACS,
         "kMaxPixel": network.MAX_PIXEL,
     }
     rows = ", ".join(f"{{{c.kernel}, {c.stride}, {c.channels}}}" for c in paper)
@@ -30,7 +35,7 @@ def header() -> str:
             "",
             "namespace bpn {",
             "",
-            *(f"constexpr int {name} = {value};" for name, value in largest.items()),
+            *(f"constexpr int {name} = {value};" for name, value in limits.items()),
             "",
             "struct Convolution {",
             "  int kernel, stride, outputs;",

@@ -1,8 +1,8 @@
 #!/bin/sh
 # Checks for what pip cannot bring: a C++ compiler, Python's headers, an OpenGL library that renders
 # without a display; for the tests of the web UI, Chromium; for those of the alerts, Prometheus, which is not left
-# running; for those on other processors, cross compilers and qemu. As root on Debian or Ubuntu it installs what is missing; elsewhere it says how.
-# usage: check-system.sh [PYTHON [browser|observability|cross]]
+# running; for those on other processors, cross compilers and qemu; for those of several machines, iproute2. As root on Debian or Ubuntu it installs what is missing; elsewhere it says how.
+# usage: check-system.sh [PYTHON [browser|observability|cross|network]]
 set -eu
 python=${1:-python3}
 what=${2:-}
@@ -36,6 +36,9 @@ if [ "$what" = browser ]; then
 fi
 if [ "$what" = observability ]; then
     need prometheus sh -c 'command -v prometheus && command -v promtool'
+fi
+if [ "$what" = network ]; then # namespaces, and the cables between them
+    need iproute2 command -v ip
 fi
 if [ "$what" = cross ]; then # compilers for aarch64 and armv7, and an emulator of both
     need g++-aarch64-linux-gnu command -v aarch64-linux-gnu-g++

@@ -108,9 +108,9 @@ class Run:
             iteration: only its episodes; None: all.
 
         Returns:
-            For each, `frames` uint8[T+1, c, height, width], `actions` uint8[T], or uint8[T, D] of D dimensions, `rewards` float64[T] as learned
-            from (pixels, or the environment's unit), `outputs` [T, |A|], and `meta`. A damaged one is left
-            out with a warning.
+            For each, `frames` uint8[T+1, c, height, width], `actions` uint8[T], or uint8[T, D] of D dimensions,
+            `rewards` float64[T] as learned from (pixels, or the environment's unit), `outputs` [T, |A|] and
+            `meta`. A damaged one is left out with a warning.
         """
         told = self.folder.rewards()
         for episode in stored_episodes(self.folder, iteration=iteration):

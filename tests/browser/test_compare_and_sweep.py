@@ -41,7 +41,7 @@ def test_the_heat_map_of_a_sweep_leads_to_its_runs(
     page.get_by_role("button", name=re.compile("^Start (the first )?sweep")).first.click()
     dialog = page.get_by_role("dialog", name="Start a sweep")
     dialog.get_by_label("Name").fill("alpha by N")
-    dialog.get_by_role("radio", name="Reaching").check()
+    dialog.get_by_role("radio", name="Reaching", exact=True).check()
     for i, (key, values) in enumerate({"alpha": "0.5, 0.95", "hidden_units": "16, 24"}.items(), 1):
         dialog.get_by_role("button", name="Add a key").click()
         dialog.get_by_label(f"Key {i}").select_option(key)

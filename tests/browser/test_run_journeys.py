@@ -24,7 +24,7 @@ def stop(page: Page) -> None:
 
 
 def choose_reaching_with(dialog: Locator, values: dict[str, str]) -> None:
-    dialog.get_by_role("radio", name="Reaching").check()
+    dialog.get_by_role("radio", name="Reaching", exact=True).check()
     for summary in dialog.locator("summary").all():  # sections that are closed hide their fields
         if summary.locator("..").get_attribute("open") is None:
             summary.click()

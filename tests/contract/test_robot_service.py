@@ -1,67 +1,22 @@
 """The robot's end of the protocol, spoken to as an edge would."""
 
-import threading
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 import pytest
-from learner_side import RUN
 from loop_parts import Running
+from robot_edge import EdgeSide
 
 from bpn_robot import service
 from bpn_robot_sim import worker as robot_sim
 from bpn_robot_sim.robots import make_robot
-from bpn_shared.bus import keys
-from bpn_shared.bus.latest import DirectSubscriber, LatestPublisher
 from bpn_shared.bus.session import Bus
-from bpn_shared.messages.action import Action
-from bpn_shared.messages.control import Reset, ResetReply
-from bpn_shared.messages.frame import NO_ACTION, FrameHeader, FrameKind, decode_frame
-from bpn_shared.runtime.ask import ask
+from bpn_shared.messages.frame import NO_ACTION, FrameHeader, FrameKind
 from bpn_shared.spec.config import RunConfig
-from bpn_shared.waiting import WaitStatus
 
 LOCKSTEP = RunConfig.for_task("reaching", hidden_units=16, steps=3)
 REALTIME = RunConfig.for_task("tracking", hidden_units=16, steps=4, pacing="realtime")
-
-
-class EdgeSide:
-    """Begins episodes, keeps the frames that come, and answers when it is told to."""
-
-    def __init__(self, bus: Bus, config: RunConfig) -> None:
-        self._bus, self._config = bus, config
-        self._news = threading.Condition()
-        self.frames: list[tuple[FrameHeader, np.ndarray]] = []
-        self._actions = LatestPublisher(bus, keys.action(RUN, 0), "action")
-        self._subscriber = DirectSubscriber(bus, keys.frame(RUN, 0), self._take)
-
-    def _take(self, attachment: bytes, payload: bytes, _t_ns: int) -> None:
-        frame = decode_frame(attachment, payload, self._config.task_spec.frame_shape)
-        with self._news:
-            self.frames.append(frame)
-            self._news.notify_all()
-
-    def reset(self, reset_id: int, seed: int = 3, episode: int = 1) -> None:
-        body = Reset(iteration=2, episode=episode, seed=seed, reset_id=reset_id).encode()
-        reply = ask(
-            self._bus, keys.reset(RUN, 0), body, ResetReply.decode, stop=threading.Event(),
-            waiting=WaitStatus(), waiting_for="the robot", on_refusal=pytest.fail,
-        )  # fmt: skip
-        assert reply == ResetReply(reset_id=reset_id)
-
-    def frame(self, step: int, reset_id: int, count: int = 1) -> tuple[FrameHeader, np.ndarray]:
-        """That frame, as soon as it has come so often."""
-
-        def found() -> list[tuple[FrameHeader, np.ndarray]]:
-            return [f for f in self.frames if (f[0].step, f[0].reset_id) == (step, reset_id)]
-
-        with self._news:
-            assert self._news.wait_for(lambda: len(found()) >= count, 60), f"no frame {step}"
-            return found()[-1]
-
-    def act(self, action: int, step: int, reset_id: int) -> None:
-        self._actions.put(Action(action, step, 7, reset_id, 1, 1).encode())
 
 
 @pytest.fixture

@@ -1,14 +1,14 @@
 """Kernels and exported C on the processors of edge boards: by Debian's cross compilers, run in qemu."""
 
-import struct
 import subprocess
 from pathlib import Path
 
 import numpy as np
 import pytest
 from compiled import compiled, expected, ran
+from kernel_library import built
 from networks import awkward_blob, awkward_observation
-from vectors import BLOBS, answers_of, records
+from vectors import BLOBS, VECTORS, answers_of, records
 
 from bpn.export.c_source import c_source
 from bpn_shared.bnn import golden
@@ -18,7 +18,7 @@ from bpn_shared.spec.network import Convolution, NetworkSpec
 from bpn_shared.spec.tasks import TaskOptions
 
 ROOT = Path(__file__).parents[2]
-EDGE, LEARNER = ROOT / "services/edge/src", ROOT / "services/learner/src"
+LEARNER = ROOT / "services/learner/src"
 WARNINGS = [
     "-O3",
     "-Wall",
@@ -73,22 +73,8 @@ def test_the_exported_c_is_exact(target: str, tmp_path: Path) -> None:
             np.testing.assert_array_equal(row, expected(blob, observation))
 
 
-def encoded(blob: WeightBlob, observations: list[np.ndarray]) -> bytes:
-    """What kernel_driver.cpp reads."""
-    layers = blob.spec.layers
-    parts = [struct.pack("<i", len(layers))]
-    for layer in layers:
-        sizes = layer.in_size, layer.in_channels, layer.kernel, layer.stride, layer.out_channels
-        parts.append(struct.pack("<5i", *sizes))
-    parts += [signs.tobytes() for signs in blob.weights]
-    parts += [tau.astype("<i4").tobytes() for tau in blob.thresholds]
-    return b"".join(
-        [*parts, struct.pack("<i", len(observations)), *(o.tobytes() for o in observations)]
-    )
-
-
 def told(blob: WeightBlob, observation: np.ndarray) -> list[str]:
-    """What it writes of an observation, on one path."""
+    """What bpn-infer writes of an observation with --trace, but for the best choices."""
     *hidden, last = golden.forward(blob, observation)
     bits = [
         "".join("01"[int(on)] for on in (o >= tau).reshape(-1))
@@ -97,43 +83,52 @@ def told(blob: WeightBlob, observation: np.ndarray) -> list[str]:
     return [*bits, " ".join(map(str, last.tolist()))]
 
 
-def test_the_edges_kernel_is_exact_on_aarch64_on_every_path(tmp_path: Path) -> None:
-    program = tmp_path / "kernel"
-    sources = [
-        EDGE / f"{name}.cpp" for name in ("packed_network", "paths", "path_neon", "path_portable")
-    ]
-    driver = Path(__file__).with_name("kernel_driver.cpp")
-    subprocess.run(
-        [
-            "aarch64-linux-gnu-g++",
-            "-std=c++17",
-            "-static",
-            *WARNINGS,
-            f"-I{EDGE}",
-            *sources,
-            driver,
-            "-o",
-            program,
-        ],
-        check=True,
-    )
-    cases = published() + networks(NETWORKS)
-    done = subprocess.run(
-        ["qemu-aarch64", program], input=b"".join(encoded(*case) for case in cases),
-        capture_output=True, check=True, timeout=600,
+# Which of its own processors qemu is, and the paths that those have. Cortex-A53 is the Ultra96's, Cortex-A76 the
+# Raspberry Pi 5's.
+PROCESSORS = {
+    "aarch64": {
+        "cortex-a53": ["neon", "portable"],
+        "cortex-a76": ["neon-dot", "neon", "portable"],
+        "max": ["neon-i8mm", "neon-dot", "neon", "portable"],
+    },
+    "armv7": {"cortex-a7": ["portable"]},
+}
+
+
+@pytest.mark.parametrize("target", TARGETS)
+def test_the_edges_kernel_is_exact_from_c_on_every_path(target: str, tmp_path: Path) -> None:
+    prefix, emulator = TARGETS[target]
+    library = built(
+        tmp_path / "kernel",
+        "CMAKE_BUILD_TYPE=Release", "CMAKE_SYSTEM_NAME=Linux", "CMAKE_EXE_LINKER_FLAGS=-static",
+        f"CMAKE_SYSTEM_PROCESSOR={prefix.partition('-')[0]}",
+        f"CMAKE_C_COMPILER={prefix}gcc", f"CMAKE_CXX_COMPILER={prefix}g++",
     )  # fmt: skip
-    lines = iter(done.stdout.decode().splitlines())
-    seen = set()
-    for blob, observations in cases:
-        variants = ["any", "paper"] if blob.spec.is_paper_shape else ["any"]
-        for observation in observations:
-            for path in ("neon", "portable"):
-                for variant in variants:
-                    seen.add((path, variant))
-                    for line in told(blob, observation):
-                        assert next(lines) == f"{path} {variant} {line}"
-    assert next(lines, None) is None
-    assert len(seen) == 4
+
+    def said(processor: str, *arguments: str | Path) -> list[str]:
+        command = [emulator, "-cpu", processor, library / "bpn-infer", *arguments]
+        done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=600)
+        return done.stdout.splitlines()
+
+    for processor, paths in PROCESSORS[target].items():
+        assert said(processor, "--paths") == paths
+    most = max(PROCESSORS[target], key=lambda name: len(PROCESSORS[target][name]))
+    files = [path.read_bytes() for path in BLOBS]  # in schema 1, some of them
+    random = networks(NETWORKS)
+    cases = zip(
+        [*files, *(blob.encode() for blob, _ in random)], [*published(), *random], strict=True
+    )
+    for data, (blob, observations) in cases:
+        (tmp_path / "blob").write_bytes(data)
+        (tmp_path / "pixels").write_bytes(b"".join(image.tobytes() for image in observations))
+        expected_lines = [line for image in observations for line in told(blob, image)]
+        for path in PROCESSORS[target][most]:
+            found = said(most, tmp_path / "blob", tmp_path / "pixels", "--trace", "--path", path)
+            assert [line.partition(" :")[0] for line in found] == expected_lines, path
+    for path in VECTORS.glob("refused/*.bpnw"):
+        with pytest.raises(subprocess.CalledProcessError) as refused:
+            said(most, path)
+        assert refused.value.returncode == 2
 
 
 @pytest.mark.parametrize("compiler", ["aarch64-linux-gnu-g++", "arm-linux-gnueabihf-g++"])

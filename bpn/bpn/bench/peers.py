@@ -88,7 +88,7 @@ def torch_inference(network: FloatNetwork, pixels: Floats) -> Callable[[], Float
 
 
 def stable_baselines3_updates(
-    spec: NetworkSpec, transitions: int, batch: int
+    spec: NetworkSpec, transitions: int, batch: int, device: str = "cpu"
 ) -> Callable[[int], None]:
     """Gradient steps of Stable-Baselines3's DQN with the geometry in float, from its full replay buffer.
 
@@ -136,7 +136,7 @@ def stable_baselines3_updates(
         buffer_size=transitions,
         batch_size=batch,
         policy_kwargs={"features_extractor_class": Features, "net_arch": [spec.hidden_units]},
-        device="cpu",
+        device=device,
         seed=0,
     )
     model.set_logger(Logger(None, []))

@@ -26,7 +26,9 @@ def write(path: Path, episodes: Sequence[Episode], task: TaskSpec, *, bars: bool
         bars: beside the picture, a bar for each action's preference; the applied action's is coloured. Of several
             dimensions, a bar for each choice, with room between the dimensions.
     """
-    pictures = np.stack([picture for one in episodes for picture in pictures_of(one, task, bars=bars)])
+    pictures = np.stack(
+        [picture for one in episodes for picture in pictures_of(one, task, bars=bars)]
+    )
     # Through memory: a writer that fails at a file complains of it once more, by itself, when it is collected.
     if path.suffix.lower() == ".gif":
         film = imageio.imwrite(
@@ -78,6 +80,6 @@ def _bars(
     for action, (top, bottom) in enumerate(pairwise(edges)):
         length_px = 2 + round((room_px - 2) * float(values[action] - values.min()) / span)
         colour = _CHOSEN if action in applied else _BAR
-        top += _BETWEEN_PX * (action in firsts)
-        panel[top + 1 : bottom - 1, _GAP_PX : _GAP_PX + length_px] = colour
+        begin = top + 1 + _BETWEEN_PX * (action in firsts)
+        panel[begin : bottom - 1, _GAP_PX : _GAP_PX + length_px] = colour
     return panel

@@ -20,8 +20,9 @@ def metrics_table(run: Run) -> Any:
 def steps_table(run: Run) -> Any:
     """One row for each step of each stored episode, without pixels.
 
-    Columns: iteration, episode, step; action, of several dimensions a list; reward; outputs, a list of |A|; terminated, of the episode's last
-    step; inference_us and camera_to_action_us (null where no action came in time); weights_version; seed.
+    Columns: iteration, episode, step; action, of several dimensions a list; reward; outputs, a list of |A|;
+    terminated, of the episode's last step; inference_us and camera_to_action_us (null where no action came in
+    time); weights_version; seed.
     """
     rows: list[Any] = []
     for episode in run.episodes():

@@ -6,6 +6,7 @@ Run it before the services start, as often as you like: what is good stays as it
 import argparse
 import re
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 
 from bpn_certificates.book import Book
@@ -21,6 +22,11 @@ _TAKEN = (*ROLES, AUTHORITY_FOLDER, MACHINES_FOLDER)
 _FOLDER_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}")
 
 
+def separated(given: Sequence[str]) -> list[str]:
+    """The names of an option that may be given several times, and hold several."""
+    return [name.strip() for text in given for name in text.split(",") if name.strip()]
+
+
 def main(argv: list[str] | None = None) -> int:
     """Makes what is missing and says what it made. Exit status 1: the folder cannot be written."""
     parser = argparse.ArgumentParser(prog="bpn-certificates", description=__doc__)
@@ -34,7 +40,7 @@ def main(argv: list[str] | None = None) -> int:
         action="append",
         metavar="NAME",
         default=[],
-        help="a DNS name or address of the router, beside those that its certificate has already "
+        help="DNS names or addresses of the router, separated by commas, beside those that its certificate has "
         f"(default {', '.join(SERVER_NAMES)})",
     )
     parser.add_argument(
@@ -68,7 +74,7 @@ def main(argv: list[str] | None = None) -> int:
         made = make(
             options.folder,
             days=options.days,
-            server_names=options.server_name,
+            server_names=separated(options.server_name),
             router=options.router,
         )
         made += renew_named(options.folder, options.days)

@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from bpn_certificates.book import Book, JoinRefusedError
+from bpn_certificates.command import separated
 from bpn_certificates.folders import authority_in
 from bpn_certificates.office import Office
 from bpn_shared.bus.access import ROUTER
@@ -184,8 +185,8 @@ def main(argv: list[str] | None = None) -> int:
     end_with_supervisor()
     try:
         authority_in(options.folder)
-        if options.server_name:
-            Book(options.folder).place_door(options.server_name, options.port)
+        if names := separated(options.server_name):
+            Book(options.folder).place_door(names, options.port)
         address = options.host, options.port
         with EnrolmentServer(address, options.folder, options.router_port) as server, Heartbeat():
             threading.Thread(target=server.serve_forever, name="enrolment", daemon=True).start()

@@ -11,8 +11,8 @@ import numpy as np
 import numpy.typing as npt
 
 from bpn_edge.decisions import DecisionFeed
-from bpn_edge.memory import WeightMemory
 from bpn_edge.factored import JointSelector
+from bpn_edge.memory import WeightMemory
 from bpn_edge.recorder import EpisodeRecorder
 from bpn_edge.robot_link import RobotLink
 from bpn_shared.bnn.envelope import BlobError

@@ -13,7 +13,7 @@ from bpn_shared.spec.joint_actions import joined
 ActionSelector = Callable[[Outputs, float], int]
 """From the outputs of one dimension [n_d] and a uniform number in [0, 1) to a choice 0..n_d-1; a pure function."""
 JointSelector = Callable[[Outputs, Sequence[float]], int]
-"""From all outputs, the dimensions' side by side, and a uniform number for each dimension to an action's number."""
+"""From all outputs, the dimensions' side by side, and a uniform number for each to an action's number."""
 
 
 def joint_selector(choose: ActionSelector, dims: Sequence[int]) -> JointSelector:

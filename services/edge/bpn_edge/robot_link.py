@@ -28,8 +28,8 @@ OnFrame = Callable[[FrameHeader, npt.NDArray[np.uint8], int], None]
 class RobotLink(Closing):
     """Frames in, actions out, for the robot of this worker's slot.
 
-    Frames come by the router, and past it where the robot is on this machine; an action goes the way that its frame
-    came.
+    Frames come by the router, and past it where the robot is on this machine; an action goes the way that its
+    frame came.
 
     Args:
         past_router: whether a shorter way than by the router is looked for.
@@ -45,6 +45,7 @@ class RobotLink(Closing):
         place = worker.run, worker.slot, worker.site
         self._reset_key = keys.reset(*place)
         self._actions = LatestPublisher(worker.bus, keys.action(*place), "action")
+        self._sent = worker.bus.traffic.sent(keys.action(*place))
         self._frames = DirectSubscriber(
             worker.bus,
             keys.frame(*place),
@@ -108,6 +109,8 @@ class RobotLink(Closing):
         encoded = action.encode()
         if self._came_by is None or not self._came_by.put(b"", encoded):
             self._actions.put(encoded)
+        else:
+            self._sent.add(len(encoded))
 
     def close(self) -> None:
         """Takes in no more frames past the router."""

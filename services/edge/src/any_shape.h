@@ -8,6 +8,21 @@
 
 namespace bpn {
 
+// The layer with floors for pixels as `load` gives them; `floors` is room for those.
+template <class Isa>
+PixelLayer with_offset(PixelLayer layer, int32_t* floors) {
+  const int width = layer.blocks * kBlock, taps = layer.shape.in_channels * layer.shape.kernel * layer.groups;
+  for (int k = 0; k < width; ++k) {
+    int sum = 0;  // of the output's signs
+    for (int t = 0; t < taps; ++t)
+      for (int byte = 0; byte < kTapPixels; ++byte)
+        sum += static_cast<int8_t>(layer.taps[t * width + k] >> (8 * byte));
+    floors[k] = layer.floors[k] - Isa::kPixelOffset * sum;
+  }
+  layer.floors = floors;
+  return layer;
+}
+
 // Copies the pixels of a band of output rows from row y on: for every channel, image row and four kernel columns those
 // that neighbouring positions meet, side by side. What lies beyond the kernel meets signs of zero.
 static void copy_any_band(const PixelLayer layer, const uint8_t* observation, int y, uint32_t* band) {
@@ -62,7 +77,9 @@ void any_tile(const PixelLayer layer, const uint32_t* band, int k0, typename Isa
 }
 
 template <class Isa>
-void any_conv1(const PixelLayer layer, const uint8_t* observation, uint32_t* band, uint8_t* out) {
+void any_conv1(PixelLayer layer, const uint8_t* observation, uint32_t* band, uint8_t* out) {
+  int32_t floors[kMaxOutputs];
+  if constexpr (Isa::kPixelOffset != 0) layer = with_offset<Isa>(layer, floors);
   const int size = layer.shape.out_size;
   for (int y = 0; y < size; y += kAnyRows) {
     copy_any_band(layer, observation, y, band);

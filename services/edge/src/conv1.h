@@ -78,7 +78,9 @@ void conv1_tile(const PixelLayer layer, const Band& band, int tile, int k0,
 }
 
 template <class Isa>
-void conv1(const PixelLayer layer, const uint8_t* observation, uint8_t* out) {
+void conv1(PixelLayer layer, const uint8_t* observation, uint8_t* out) {
+  int32_t floors[kConv1Outputs];
+  if constexpr (Isa::kPixelOffset != 0) layer = with_offset<Isa>(layer, floors);
   Band band;
   for (int y = 0; y < kConv1Size; y += kBandRows, out += kBandRows * kConv1Size) {
     copy_band(layer.shape.in_channels, observation, y, band);

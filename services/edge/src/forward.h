@@ -2,7 +2,7 @@
 // an instruction set `Isa`:
 //
 //   kLanes, kOutputs               positions of conv1 in one vector; its output channels done together
-//   Pixels load(bytes)             the 4 pixels of a tap for each lane
+//   Pixels load(bytes)             the 4 pixels of a tap for each lane, less kPixelOffset
 //   Signs broadcast(tap)           one tap's signs in every lane
 //   Partial begin(Sums), dot(Partial, Pixels, Signs), Sums end(Sums, Partial)
 //                                  adds the dot products of one channel (at most 64 taps) to the sums
@@ -51,10 +51,10 @@ void bit_convolution(const BitLayer layer, const uint8_t* in, uint8_t* out) {
     }
 }
 
+// All layers but the first.
 template <class Isa>
-void forward_paper(const Layers& net, const uint8_t* observation, const Activations& out) {
+void paper_bit_layers(const Layers& net, const Activations& out) {
   const BitLayer conv2 = net.rest[0], conv3 = net.rest[1], fc1 = net.rest[2], fc2 = net.rest[3];
-  conv1<Isa>(net.first, observation, out.maps[0]);
   bit_convolution<Isa, kConv1Size, kConv1Outputs, kConv2Kernel, kConv2Stride, kConv2Size, kConv2Outputs>(
       conv2, out.maps[0], out.maps[1]);
   bit_convolution<Isa, kConv2Size, kConv2Outputs, kConv3Kernel, kConv3Stride, kConv3Size, kConv3Outputs>(
@@ -67,6 +67,12 @@ void forward_paper(const Layers& net, const uint8_t* observation, const Activati
   for (int b = 0; b < fc2.blocks; ++b)
     Isa::store(out.differences + b * kBlock,
                count_block<Isa>(out.maps[3], fc2.weights + b * fc2.words, fc2.words));
+}
+
+template <class Isa>
+void forward_paper(const Layers& net, const uint8_t* observation, const Activations& out) {
+  conv1<Isa>(net.first, observation, out.maps[0]);
+  paper_bit_layers<Isa>(net, out);
 }
 
 }  // namespace bpn

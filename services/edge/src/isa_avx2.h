@@ -11,6 +11,7 @@ namespace {
 struct Avx2 {
   static constexpr int kLanes = 8;
   static constexpr int kOutputs = 2;  // 5 x 2 sums in 16 registers
+  static constexpr int kPixelOffset = 0;
   using Pixels = __m256i;
   using Signs = __m256i;
   using Sums = __m256i;

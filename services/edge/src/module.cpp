@@ -36,14 +36,10 @@ Result fresh_array(std::unique_ptr<Value[]> values, std::initializer_list<size_t
   return Result(data, shape, nb::capsule(data, [](void* p) noexcept { delete[] static_cast<Value*>(p); }));
 }
 
-// A bit map without what fills a position's bytes.
 Bits unpacked(const uint8_t* map, const LayerShape& shape) {
-  const int positions = shape.out_size * shape.out_size, bytes = ceil_div(shape.outputs, 8);
-  const size_t count = size_t(positions) * shape.outputs;
+  const size_t count = size_t(shape.out_size) * shape.out_size * shape.outputs;
   std::unique_ptr<uint8_t[]> bits(new uint8_t[count]);
-  uint8_t* to = bits.get();
-  for (int p = 0; p < positions; ++p, map += bytes)
-    for (int k = 0; k < shape.outputs; ++k) *to++ = map[k / 8] >> (k % 8) & 1;
+  unpack_bits(map, shape, bits.get());
   return fresh_array<Bits>(std::move(bits), {count});
 }
 
@@ -104,8 +100,9 @@ class Network {
  private:
   Network(const std::string& path, bool any_shape, std::unique_ptr<PackedNetwork> packed)
       : packed_(std::move(packed)) {
-    const Path& found = find(path);
-    forward_ = packed_->is_paper() && !any_shape ? found.paper : found.any;
+    const Path* const found = find_path(path.c_str());
+    if (!found) throw nb::value_error(("this machine cannot run the path " + path).c_str());
+    forward_ = packed_->is_paper() && !any_shape ? found->paper : found->any;
   }
 
   static PackedNetwork packed(const std::vector<Sizes>& layers, const std::vector<Signs>& weights,
@@ -126,13 +123,6 @@ class Network {
     }
     if (!fits) throw nb::value_error("the weights and thresholds have shapes of no network");
     return PackedNetwork(shapes, matrices);
-  }
-
-  static const Path& find(const std::string& path) {
-    const PathList paths = compiled_paths();
-    for (int i = 0; i < paths.count; ++i)
-      if (path == paths.first[i].name && paths.first[i].supported()) return paths.first[i];
-    throw nb::value_error(("this machine cannot run the path " + path).c_str());
   }
 
   // What it returns is the thread's, until its next run.
@@ -175,11 +165,10 @@ class Network {
   }
 
   Outputs outputs(const Activations& activations) const {
-    const LayerShape& last = packed_->shapes().back();
-    std::unique_ptr<int32_t[]> o(new int32_t[last.outputs]);
-    for (int a = 0; a < last.outputs; ++a)
-      o[a] = fan_in(last) - 2 * static_cast<int32_t>(activations.differences[a]);
-    return fresh_array<Outputs>(std::move(o), {size_t(last.outputs)});
+    const size_t count = packed_->shapes().back().outputs;
+    std::unique_ptr<int32_t[]> o(new int32_t[count]);
+    packed_->outputs(activations, o.get());
+    return fresh_array<Outputs>(std::move(o), {count});
   }
 
   std::unique_ptr<PackedNetwork> packed_;

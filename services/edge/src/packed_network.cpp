@@ -143,6 +143,12 @@ Memory::Memory(size_t size)
   std::memset(data_.get(), 0, size);
 }
 
+void unpack_bits(const uint8_t* map, const LayerShape& shape, uint8_t* bits) {
+  const int positions = shape.out_size * shape.out_size, bytes = ceil_div(shape.outputs, 8);
+  for (int p = 0; p < positions; ++p, map += bytes)
+    for (int k = 0; k < shape.outputs; ++k) *bits++ = map[k / 8] >> (k % 8) & 1;
+}
+
 bool is_chain(const std::vector<LayerShape>& shapes) {
   const int count = static_cast<int>(shapes.size());
   if (count < 2 || count > kMaxLayers) return false;
@@ -216,6 +222,11 @@ Activations PackedNetwork::activations(unsigned char* scratch) const {
   const Activations out = laid_out(parts);
   for (size_t l = 0; l < map_bytes_.size(); ++l) std::memset(out.maps[l] + map_bytes_[l], 0, kMapPadding);
   return out;
+}
+
+void PackedNetwork::outputs(const Activations& activations, int32_t* o) const {
+  const LayerShape& last = shapes_.back();
+  for (int a = 0; a < last.outputs; ++a) o[a] = fan_in(last) - 2 * static_cast<int32_t>(activations.differences[a]);
 }
 
 Activations PackedNetwork::laid_out(Parts& parts) const {

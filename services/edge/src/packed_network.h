@@ -17,6 +17,9 @@ struct SignMatrix {
   const int32_t* thresholds;
 };
 
+// A layer's activations, one byte each, from its bit map: [row][column][channel], without what fills a position's bytes.
+void unpack_bits(const uint8_t* map, const LayerShape& shape, uint8_t* bits);
+
 // Room for what is read back: the same.
 struct ReadBack {
   int8_t* signs;
@@ -71,6 +74,9 @@ class PackedNetwork {
   // Bytes of scratch for one run, and where in them everything lies; zeroed where they are read without being written.
   size_t scratch_size() const { return scratch_size_; }
   Activations activations(unsigned char* scratch) const;
+
+  // The last layer's integers o, from what a run left.
+  void outputs(const Activations& activations, int32_t* o) const;
 
  private:
   Activations laid_out(Parts& parts) const;

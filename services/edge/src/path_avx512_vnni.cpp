@@ -1,6 +1,7 @@
 // AVX-512 with VNNI (vpdpbusd) and VPOPCNTDQ: Intel since Ice Lake, AMD since Zen 4.
 #include <immintrin.h>
 
+#include "conv1_rows.h"
 #include "forward.h"
 
 namespace bpn {
@@ -9,6 +10,7 @@ namespace {
 struct Avx512Vnni {
   static constexpr int kLanes = 16;
   static constexpr int kOutputs = 4;  // 5 x 4 sums and 5 vectors of pixels in 32 registers
+  static constexpr int kPixelOffset = 0;
   using Pixels = __m512i;
   using Signs = __m512i;
   using Sums = __m512i;
@@ -16,9 +18,19 @@ struct Avx512Vnni {
   using Counts = __m512i;
 
   static Pixels load(const uint8_t* pixels) { return _mm512_loadu_si512(pixels); }
+  static Pixels load_tails(const uint8_t* pixels) {
+    constexpr int kStep = kConv1Stride * kImagePx;
+    const auto part = [](const uint8_t* from) { return _mm_loadu_si128(reinterpret_cast<const __m128i*>(from)); };
+    const __m256i low = _mm256_setr_m128i(part(pixels), part(pixels + kStep));
+    const __m256i high = _mm256_setr_m128i(part(pixels + 2 * kStep), part(pixels + 3 * kStep));
+    return _mm512_inserti64x4(_mm512_castsi256_si512(low), high, 1);
+  }
   static Signs broadcast(uint32_t tap) { return _mm512_set1_epi32(static_cast<int>(tap)); }
   static Partial begin(Sums sums) { return sums; }
   static Partial dot(Partial sums, Pixels x, Signs w) { return _mm512_dpbusd_epi32(sums, x, w); }
+  static void add_dot(Sums& sums, Pixels x, Signs w) {  // GCC copies the sums of the intrinsic, and runs out of registers
+    asm("vpdpbusd %2, %1, %0" : "+v"(sums) : "v"(x), "v"(w));
+  }
   static Sums end(Sums, Partial sums) { return sums; }
 
   static Sums mark_above(Sums bits, Sums sums, int32_t floor, int bit) {
@@ -43,7 +55,8 @@ struct Avx512Vnni {
 }  // namespace
 
 void paper_avx512_vnni(const Layers& network, const uint8_t* observation, const Activations& out) {
-  forward_paper<Avx512Vnni>(network, observation, out);
+  conv1_by_rows<Avx512Vnni>(network.first, observation, out.maps[0]);
+  paper_bit_layers<Avx512Vnni>(network, out);
 }
 
 void any_avx512_vnni(const Layers& network, const uint8_t* observation, const Activations& out) {

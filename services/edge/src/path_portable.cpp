@@ -8,6 +8,7 @@ namespace {
 struct Portable {
   static constexpr int kLanes = 4;
   static constexpr int kOutputs = 1;
+  static constexpr int kPixelOffset = 0;
   struct Sums {
     int32_t lane[kLanes];
   };

@@ -5,10 +5,15 @@ namespace bpn {
 
 constexpr int kMaxLayers = 8;
 constexpr int kMaxChannels = 16;
+constexpr int kMinImagePx = 8;
 constexpr int kMaxImagePx = 128;
 constexpr int kMaxKernel = 16;
 constexpr int kMaxConvolutionChannels = 128;
 constexpr int kMaxOutputs = 1024;
+constexpr int kMaxActions = 64;
+constexpr int kMaxActionDims = 32;
+constexpr int kMaxWeights = 4000000;
+constexpr int kMaxMacs = 200000000;
 constexpr int kMaxPixel = 255;
 
 struct Convolution {

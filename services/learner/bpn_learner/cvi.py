@@ -4,7 +4,7 @@ The paper's names: P is the action preference, alpha the GIO coefficient, beta t
 gamma the discount factor; P- is P of the target network. All functions keep the dtype of their inputs.
 
 An action of several dimensions has preferences P(s,a) = sum_d P_d(s,a_d), side by side: `dims` says how many each
-dimension has. Every operator here is then the sum of what it is of each dimension (docs/algorithms/factored.md).
+dimension has. Every operator here is then the sum of what it is of each dimension (docs/factored-actions.md).
 """
 
 from collections.abc import Sequence

@@ -16,6 +16,7 @@ from bpn_learner.gathering import RegressionBatch, gathered_gradients
 from bpn_learner.group import SINGLE_PROCESS, Group
 from bpn_learner.networks import PNetwork
 from bpn_learner.policy_metrics import agreement, entropy
+from bpn_learner.steps import best_step
 from bpn_learner.targets import TargetInputs, target_values
 from bpn_learner.transitions import Transitions
 from bpn_shared.spec.config import RunConfig
@@ -171,10 +172,8 @@ def policy_update(
     device = next(network.parameters()).device
     transitions = transitions.to(device)
     P_target, P_next = target_preferences(network, transitions)
-    y, offset = targets(
-        transitions, P_target, P_next, settings, float(network.offset), network.spec.action_dims
-    )
     dims, actions = network.spec.action_dims, transitions.actions
+    y, offset = targets(transitions, P_target, P_next, settings, float(network.offset), dims=dims)
     taken = outputs_taken(actions, dims) if len(dims) > 1 else actions
     regression = RegressionBatch(transitions.frames, transitions.observations, taken, y)
     if again is not None:
@@ -232,22 +231,22 @@ def fit(
     updates = updates_of(settings, size)
     epochs = -(-updates // minibatches)
     network.train()
-    for epoch in range(epochs):
-        set_learning_rate(optimizer, annealing(epoch, settings))
-        order = torch.from_numpy(rng.permutation(size)).to(regression.y.device)
-        total = torch.zeros((), device=regression.y.device)
-        steps = min(minibatches, updates - epoch * minibatches)
-        for k in range(steps):
-            if stop is not None and k % _STOP_EVERY == 0 and stop():
-                raise UpdateStopped(f"stopped after {epoch} of {epochs} epochs")
-            if settings.max_updates:  # which may end within an epoch: annealed from step to step
-                set_learning_rate(optimizer, annealed(epoch * minibatches + k, updates, settings))
-            total += gradients(order[B * k : B * (k + 1)])
-            optimizer.step()
-            network.clip_latent_weights()
-        losses.append(_finite(float(total) / steps, network))
-        if progress is not None:
-            progress(epoch + 1, epochs)
+    with best_step(gradients, network, optimizer, group=group) as step:
+        for epoch in range(epochs):
+            set_learning_rate(optimizer, annealing(epoch, settings))
+            order = torch.from_numpy(rng.permutation(size)).to(regression.y.device)
+            total = torch.zeros((), device=regression.y.device)
+            steps = min(minibatches, updates - epoch * minibatches)
+            for k in range(steps):
+                if stop is not None and k % _STOP_EVERY == 0 and stop():
+                    raise UpdateStopped(f"stopped after {epoch} of {epochs} epochs")
+                if settings.max_updates:  # may end within an epoch: annealed from step to step
+                    done = epoch * minibatches + k
+                    set_learning_rate(optimizer, annealed(done, updates, settings))
+                total += step(order[B * k : B * (k + 1)])
+            losses.append(_finite(float(total) / steps, network))
+            if progress is not None:
+                progress(epoch + 1, epochs)
     return losses
 
 
@@ -277,7 +276,11 @@ def annealed(done: int, count: int, settings: UpdateConfig) -> float:
 def set_learning_rate(optimizer: torch.optim.Optimizer, factor: float) -> None:
     """Sets every group's rate to that factor of what `make_optimizer` gave it."""
     for group in optimizer.param_groups:
-        group["lr"] = factor * group["initial_lr"]
+        rate = factor * group["initial_lr"]
+        if isinstance(group["lr"], Tensor):  # of a recorded step, which reads it where it is
+            group["lr"].fill_(rate)
+        else:
+            group["lr"] = rate
 
 
 def minibatches_per_epoch(size: int, batch: int) -> int:
@@ -316,6 +319,7 @@ def targets(
     P_next: Tensor,
     settings: UpdateConfig,
     offset: float = 0.0,
+    *,
     dims: tuple[int, ...] = (),
 ) -> tuple[Tensor, float]:
     """Target y of every transition in D from P-(s, .) and P-(s', .), and what the next P leaves out.

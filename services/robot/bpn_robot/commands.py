@@ -1,4 +1,4 @@
-"""What a robot is commanded: actions, to hold where none came in time, and to stop when there is nobody to obey."""
+"""What a robot is commanded: actions, hold where none came in time, and stop where nobody is to be obeyed."""
 
 import logging
 
@@ -49,6 +49,4 @@ class Commands:
             self._stopped = True
         except Exception as error:
             log.exception("the robot cannot be stopped")
-            self._counters.refuse(
-                "stops_failed", f"the robot cannot be stopped: {one_line(error)}"
-            )
+            self._counters.refuse("stops_failed", f"the robot cannot be stopped: {one_line(error)}")

@@ -29,6 +29,7 @@ class EdgeLink:
         self._local = LocalServer(
             worker.bus,
             partial(keys.local_link, *place),
+            keys.frame(*place),
             keys.action(*place),
             attachment_bytes=0,
             max_bytes=action.BYTES,

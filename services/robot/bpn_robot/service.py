@@ -225,7 +225,7 @@ class RobotService:
         return None
 
     def _tick(self, header: FrameHeader, pixels: bytes) -> Answer | None:
-        """Realtime: the world goes on for one control period, in which the next action that is due acts, or holding.
+        """Realtime: the world goes on for one control period, in which the next action that is due acts, or hold.
 
         Without a delay that is the answer to this frame; with one longer than the period, to an older frame.
         """

@@ -17,17 +17,12 @@ ENVIRONMENTS = {
 }
 """Ids of the tasks as environments, by task."""
 
-EPISODE_STEPS = {
-    task.name: int(task.preset["steps"])
-    for task in (
-        specs.reaching(),
-        specs.tracking(),
-        specs.pan_tilt(),
-        factored.reaching_both(),
-        factored.pan_tilt_both(),
-        factored.arm(),
-    )  # fmt: skip
-}
+_TASKS = (
+    specs.reaching(), specs.tracking(), specs.pan_tilt(),
+    factored.reaching_both(), factored.pan_tilt_both(), factored.arm(),
+)  # fmt: skip
+
+EPISODE_STEPS = {task.name: int(task.preset["steps"]) for task in _TASKS}
 """T of each task; of the paper's, as it has it."""
 
 for _name, _steps in EPISODE_STEPS.items():

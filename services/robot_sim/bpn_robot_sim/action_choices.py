@@ -10,7 +10,6 @@ from gymnasium.spaces import Box, Discrete, MultiBinary, MultiDiscrete
 from bpn_shared.spec.config import ConfigError
 from bpn_shared.spec.network import MAX_ACTIONS
 
-
 BINS = 3
 """Of a continuous dimension, where nobody says how many: its lowest, middle and highest value."""
 
@@ -56,10 +55,13 @@ def choices_of(space: Any, task: str, bins: int) -> ActionChoices:
             raise ConfigError(f"{task} has {count} actions, a policy has 2..{MAX_ACTIONS}")
     if sum(found.dims) > MAX_ACTIONS:
         shown = " + ".join(map(str, found.dims[:8])) + (" + ..." if len(found.dims) > 8 else "")
-        remedy = "choose fewer action_bins, or" if isinstance(space, Box) else "wrap it with env_wrappers, or"
+        remedy = (
+            "choose fewer action_bins" if isinstance(space, Box) else "wrap it with env_wrappers"
+        )
         raise ConfigError(
-            f"{task} has actions of {len(found.dims)} dimensions with {sum(found.dims)} choices together ({shown}), a "
-            f"policy has at most {MAX_ACTIONS}: {remedy} ask for a smaller mode with env_kwargs if it has one"
+            f"{task} has actions of {len(found.dims)} dimensions with {sum(found.dims)} choices together "
+            f"({shown}), a policy has at most {MAX_ACTIONS}: {remedy}, or ask for a smaller mode with env_kwargs "
+            "if it has one"
         )
     return found
 

@@ -37,7 +37,7 @@ class RobotEnv(gymnasium.Env[Frame, Any]):
         self.action_space: gymnasium.spaces.Space[Any] = (
             gymnasium.spaces.Discrete(task.actions)
             if len(task.dims) == 1
-            else gymnasium.spaces.MultiDiscrete(task.dims)
+            else gymnasium.spaces.MultiDiscrete(list(task.dims))
         )
 
     def reset(

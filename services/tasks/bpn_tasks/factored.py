@@ -4,11 +4,12 @@ paper's robots with both joints turned in every step, and an arm of four joints.
 
 from collections.abc import Sequence
 from itertools import product
+from typing import Any
 
 from bpn_shared.spec.joint_actions import joined
 from bpn_shared.spec.tasks import TaskSpec
 from bpn_tasks import specs
-from bpn_tasks.markers import ARM_HAND_RADIUS_PX, REACHING_TARGET_RADIUS_PX
+from bpn_tasks.markers import REACHING_TARGET_RADIUS_PX
 
 REACHING_TURNS_DEG = (-90, -45, -30, 0, 30, 45, 90)
 PAN_TILT_TURNS_DEG = (-4, -2, 0, 2, 4)
@@ -49,8 +50,8 @@ def arm() -> TaskSpec:
         plot="reaching",
         frame_channels=1,
         control_period_s=specs.CONTROL_PERIOD_S,
-        success="last_reward",  # the hand ends where it touches the target
-        success_reward=-(REACHING_TARGET_RADIUS_PX + ARM_HAND_RADIUS_PX),
+        success="last_reward",  # the hand ends on the target
+        success_reward=-REACHING_TARGET_RADIUS_PX,
         preset={
             "steps": 20,
             "hidden_units": 256,
@@ -62,7 +63,7 @@ def arm() -> TaskSpec:
     )
 
 
-def _turned(joints: Sequence[str], turns_deg: Sequence[int]) -> dict[str, object]:
+def _turned(joints: Sequence[str], turns_deg: Sequence[int]) -> dict[str, Any]:
     """The actions that turn each of the joints by one of the angles; holding turns none."""
     dims = (len(turns_deg),) * len(joints)
     return {
@@ -72,5 +73,5 @@ def _turned(joints: Sequence[str], turns_deg: Sequence[int]) -> dict[str, object
     }
 
 
-def _as(task: TaskSpec, name: str, title: str, **changes: object) -> TaskSpec:
+def _as(task: TaskSpec, name: str, title: str, **changes: Any) -> TaskSpec:
     return TaskSpec.model_validate(task.model_dump() | {"name": name, "title": title} | changes)

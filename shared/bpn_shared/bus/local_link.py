@@ -1,4 +1,4 @@
-"""What a robot and its edge say to each other past the router, where both are processes of one user on one machine.
+"""What robot and edge say to each other past the router, where both are processes of one user on one machine.
 
 The robot listens at a Unix socket and holds a liveliness token with the socket's name. An edge that finds the
 socket connects, any other goes on by the router: the link is only a shorter way for what may go by both.
@@ -29,7 +29,7 @@ class LocalServer(Closing):
 
     Args:
         key: from the socket's name to the token's key.
-        tally_key: where on the bus the messages that come would come.
+        sent_key, received_key: where on the bus the messages would go, and come.
         attachment_bytes, max_bytes: of a message that comes (`LocalConnection`).
         on_message: takes what comes, on a thread for each connection.
         on_lost: is called when a connection has ended.
@@ -39,19 +39,17 @@ class LocalServer(Closing):
         self,
         bus: Bus,
         key: Callable[[str], str],
-        tally_key: str,
+        sent_key: str,
+        received_key: str,
         *,
         attachment_bytes: int,
         max_bytes: int,
         on_message: OnMessage,
         on_lost: Callable[[], None],
     ) -> None:
-        self._sizes, self._on_message, self._on_lost = (
-            (attachment_bytes, max_bytes),
-            on_message,
-            on_lost,
-        )
-        self._tally = bus.traffic.received(tally_key)
+        self._sizes = attachment_bytes, max_bytes
+        self._on_message, self._on_lost = on_message, on_lost
+        self._sent, self._received = bus.traffic.sent(sent_key), bus.traffic.received(received_key)
         self._lock = threading.Lock()
         self._connections: tuple[LocalConnection, ...] = ()
         self._closed = False
@@ -93,7 +91,7 @@ class LocalServer(Closing):
             ).start()
 
     def _serve(self, connection: LocalConnection) -> None:
-        connection.receive(self._on_message, self._tally)
+        connection.receive(self._on_message, self._received)
         with self._lock:
             self._connections = tuple(c for c in self._connections if c is not connection)
         connection.close()
@@ -105,6 +103,8 @@ class LocalServer(Closing):
         taken = False
         for connection in self._connections:
             taken |= connection.put(attachment, payload)
+        if taken:
+            self._sent.add(len(payload))
         return taken
 
     def close(self) -> None:
@@ -132,7 +132,7 @@ class LocalClient(Closing):
 
     Args:
         pattern: of the tokens' keys; their last part is the socket's name.
-        tally_key, attachment_bytes, max_bytes: as of `LocalServer`.
+        received_key, attachment_bytes, max_bytes: as of `LocalServer`.
         on_message: takes what comes, on a thread for each connection.
     """
 
@@ -140,14 +140,14 @@ class LocalClient(Closing):
         self,
         bus: Bus,
         pattern: str,
-        tally_key: str,
+        received_key: str,
         *,
         attachment_bytes: int,
         max_bytes: int,
         on_message: OnLocalMessage,
     ) -> None:
         self._sizes, self._on_message = (attachment_bytes, max_bytes), on_message
-        self._tally = bus.traffic.received(tally_key)
+        self._tally = bus.traffic.received(received_key)
         self._lock = threading.Lock()
         self._offers: dict[str, threading.Event] = {}
         """By the socket's name, what is set when its offer has been taken back."""

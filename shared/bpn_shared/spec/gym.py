@@ -129,7 +129,8 @@ class GymOptions(BaseModel):
         Field(
             ge=0,
             le=MAX_ACTIONS,
-            description="gym tasks: values that a continuous action is chosen from; 0: 3 where actions are continuous",
+            description="gym tasks: values that a continuous action is chosen from; 0: 3 where actions are "
+            "continuous",
         ),
     ] = 0
 

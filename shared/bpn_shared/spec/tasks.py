@@ -76,8 +76,8 @@ class TaskOptions(GymOptions):
         AfterValidator(lambda text: format_dims(parse_dims(text))),
         Field(
             max_length=200,
-            description="gym tasks: choices of each dimension of an action, 3,3 say; empty: one dimension of |A|, or "
-            "found out with it",
+            description="gym tasks: choices of each dimension of an action, 3,3 say; empty: one dimension, or "
+            "found out by `bpn train`",
         ),
     ] = ""
     disturb: Annotated[
@@ -164,8 +164,8 @@ class TaskSpec(BaseModel):
             )
         if sum(self.dims) != self.actions or len(self.action_dims) == 1:
             raise ValueError(
-                f"action_dims = {list(self.action_dims)}: they have to be several, and {self.actions} together, as "
-                "there are action_names; leave them out where an action has one dimension"
+                f"action_dims = {list(self.action_dims)}: they have to be several, and {self.actions} together, "
+                "as many as action_names; leave them out where an action has one dimension"
             )
         if self.hold_action >= self.joint_actions:
             raise ValueError(

@@ -54,6 +54,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--sample", type=int, default=300)
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--again", action="store_true", help="those that lived, with other tests")
     parser.add_argument("--where", type=Path, default=HERE.parents[1] / "build/rtl-mutants")
     options = parser.parse_args()
     files = model.rtl()
@@ -72,7 +73,8 @@ def main() -> int:
     outcomes: dict[str, bool] = {row["mutant"]: row["noticed"] for row in map(json.loads, lines)}
     with results.open("a") as file:
         for mutant, number in sample.items():
-            if (name := _name(mutant)) not in outcomes:
+            name = _name(mutant)
+            if name not in outcomes or (options.again and not outcomes[name]):
                 outcomes[name] = noticed(number)
                 file.write(json.dumps({"mutant": name, "noticed": outcomes[name]}) + "\n")
                 file.flush()

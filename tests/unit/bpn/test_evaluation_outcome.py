@@ -103,14 +103,14 @@ def test_reaching_succeeds_where_the_hand_ends_on_the_target() -> None:
 
 def test_a_film_shows_every_frame_enlarged_and_the_applied_action_beside_it() -> None:
     shown = episode([20.0, 41.5, 60.0], terminated=False, actions=[6, 0])
-    pictures = list(video.pictures_of(shown, TASKS["reaching"]))
+    pictures = list(video.pictures_of(shown, TASKS["tracking"]))
     assert len(pictures) == 3
     for picture, frame in zip(pictures, shown.frames, strict=True):
         height, width, _ = picture.shape
         assert (height % 2, width % 2) == (0, 0)  # or no player shows the film
         np.testing.assert_array_equal(picture[: 84 * 4 : 4, : 84 * 4 : 4], frame.transpose(1, 2, 0))
     assert pictures[0].shape == (336, 336 + 128, 3)
-    assert next(video.pictures_of(shown, TASKS["reaching"], bars=False)).shape == (336, 336, 3)
+    assert next(video.pictures_of(shown, TASKS["tracking"], bars=False)).shape == (336, 336, 3)
     lengths = [_bar_lengths(picture[:, 336:]) for picture in pictures[:2]]
     assert lengths[0] == lengths[1] == sorted(lengths[0])  # outputs are 0, 1, ... 6
     chosen = [

@@ -1,7 +1,6 @@
 """`bpn runs` on a folder where no dashboard runs: the same words, and the folder is the truth."""
 
 import json
-import os
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -17,6 +16,7 @@ from bpn_dashboard.database.engine import Database, sqlite_url
 from bpn_dashboard.registry.query import RunFilter
 from bpn_dashboard.registry.store import RunStore
 from bpn_shared.runs.folder import RunFolder
+from bpn_shared.runs.state import encode_state
 from bpn_shared.spec.config import RunConfig
 
 Bpn = Callable[..., Any]
@@ -120,8 +120,8 @@ def test_a_damaged_run_can_be_removed(tmp_path: Path, bpn: Bpn) -> None:
 def test_pruned_and_emptied(tmp_path: Path, bpn: Bpn) -> None:
     for number in (1, 2, 3):
         folder = make(tmp_path, number)
-        folder.set_state("finished")
-        os.utime(folder.path / "state.json", (number * 1e6, number * 1e6))
+        state = folder.set_state("finished").model_copy(update={"updated_unix_s": number * 1e6})
+        folder.write("state.json", encode_state(state))
     assert "which runs?" in bpn("prune", status=2)
     assert "keep -1" in bpn("prune", "--keep", "-1", status=2)
     for days in ("nan", "inf", "-1"):

@@ -97,7 +97,7 @@ def test_three_seeds_each_are_too_few_and_the_sentence_says_how_many_are_not(cli
     assert high["against"]["p"] == pytest.approx(0.1)
     assert high["against"]["verdict"] == "too few seeds"
     assert answer["conclusion"] == (
-        "alpha=0.95 is ahead of alpha=0.5 in mean of the last 5 return_px so far (it wins 100 % of the pairs of "
+        "alpha=0.95 is ahead of alpha=0.5 in the mean of the last 5 returns so far (it wins 100 % of the pairs of "
         "seeds, p = 0.1, 3 seeds each), but so few seeds cannot show a difference: run at least 4 of each."
     )
     assert high["success"]["value"] == 0.75

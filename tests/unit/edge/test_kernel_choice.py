@@ -83,6 +83,7 @@ def test_a_circuit_is_named_only_where_there_is_what_it_needs(
     """An edge says which kernels it can use; a run that asks for one of them goes there."""
     monkeypatch.setattr(connected, "UIO", tmp_path)
     monkeypatch.delenv(connected.WHERE, raising=False)
+    monkeypatch.setenv(verilated.CACHE, str(tmp_path / "models"))
     monkeypatch.setattr(verilated.importlib.util, "find_spec", lambda _: None)
     monkeypatch.setattr(verilated.shutil, "which", lambda _: None)
     assert not {"rtl", "fpga"} & set(usable_kernels())

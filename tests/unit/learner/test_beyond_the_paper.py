@@ -43,7 +43,9 @@ class Known:
         return self._table[seen[:, 0, 0, 0].long()]
 
 
-def episodes(seed: int, lengths: list[int], dims: tuple[int, ...] = (ACTIONS,)) -> list[EpisodeData]:
+def episodes(
+    seed: int, lengths: list[int], dims: tuple[int, ...] = (ACTIONS,)
+) -> list[EpisodeData]:
     rng = np.random.default_rng(seed)
     found, first = [], 0
     for index, length in enumerate(lengths):
@@ -95,7 +97,8 @@ def test_targets_are_those_that_bpn_verify_computes(
         table[D.frames[which[:, 0], 0, 0, 0].long()]
         for which in (D.observations, D.next_observations)
     )
-    y, c = targets(D, P, P_next, UpdateConfig.of_iteration(config, iteration), offset, dims)
+    settings = UpdateConfig.of_iteration(config, iteration)
+    y, c = targets(D, P, P_next, settings, offset, dims=dims)
     played = [
         Played(
             torch.from_numpy(e.frames), torch.from_numpy(e.actions.reshape(len(e.rewards), -1)),

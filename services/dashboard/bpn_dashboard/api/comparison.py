@@ -23,16 +23,20 @@ from bpn_dashboard.database.tables import RunRow
 from bpn_dashboard.series.summary import Value
 from bpn_shared.runs.comparison import Interval
 from bpn_shared.runs.statistics import Floats
-from bpn_shared.spec.tasks import RETURN
+from bpn_shared.spec.tasks import RETURN, RETURN_PX
 
 router = APIRouter(tags=["series"])
 
 MOST_GROUPS = 100
 _MOST_READ = 300
 _VALUE_WORDS: dict[Value, str] = {
-    "last": "newest", "highest": "highest", "lowest": "lowest", "mean_5": "mean of the last 5",
-    "mean_20": "mean of the last 20", "mean_100": "mean of the last 100",
+    "last": "the newest", "highest": "the highest", "lowest": "the lowest",
+    "mean_5": "the mean of the last 5", "mean_20": "the mean of the last 20",
+    "mean_100": "the mean of the last 100",
 }  # fmt: skip
+
+
+_METRIC_WORDS = {RETURN: "returns", RETURN_PX: "returns"}
 
 
 class _Groups(Body):
@@ -171,7 +175,12 @@ def _answer(
         baseline,
         higher_is_better=body.higher_is_better,
     )
-    sentences = _sentences(groups, found.groups, baseline, f"{_VALUE_WORDS[body.value]} {metric}")
+    sentences = _sentences(
+        groups,
+        found.groups,
+        baseline,
+        f"{_VALUE_WORDS[body.value]} {_METRIC_WORDS.get(metric, metric)}",
+    )
     return shown | {
         "baseline": groups[baseline].key,
         "conclusion": _conclusion(found.groups, sentences),
@@ -210,11 +219,25 @@ def _sentences(
         ""
         if one.against is None
         else sentence(
-            group.label, groups[baseline].label, one.against, measure=measure, tests=tests,
+            *_names(group, groups[baseline]), one.against, measure=measure, tests=tests,
             sizes=(len(one.scores.seeds), len(found[baseline].scores.seeds)),
         )
         for group, one in zip(groups, found, strict=True)
     ]  # fmt: skip
+
+
+def _names(group: Group, baseline: Group) -> tuple[str, str]:
+    """What the two are called where only they are spoken of: by the values in which they differ."""
+    differing = [
+        key for key, value in group.values.items() if value != baseline.values.get(key, value)
+    ]
+    if not differing:
+        return group.label, baseline.label
+    one, other = (
+        " ".join(f"{key}={values[key]}" for key in differing)
+        for values in (group.values, baseline.values)
+    )
+    return one, other
 
 
 def _conclusion(found: list[GroupSummary], sentences: list[str]) -> str:

@@ -63,7 +63,9 @@ class EpisodeSteps(BaseModel):
 
     steps: int
     actions: Annotated[list[int], Field(description="numbers of the actions; " + NUMBERS)]
-    action_names: Annotated[list[str], Field(description="of all actions, by number; " + SIDE_BY_SIDE)]
+    action_names: Annotated[
+        list[str], Field(description="of all actions, by number; " + SIDE_BY_SIDE)
+    ]
     action_dims: Annotated[list[int], Field(description="choices of each dimension of an action")]
     outputs: Annotated[
         list[list[float]], Field(description="the network's o for each action; " + SIDE_BY_SIDE)

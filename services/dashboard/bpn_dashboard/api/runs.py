@@ -67,8 +67,8 @@ class TaskChoice(BaseModel):
     action_names: Annotated[
         list[str],
         Field(
-            description="what each action does, by number; of several dimensions each choice, the dimensions' side by "
-            "side"
+            description="what each action does, by number; of several dimensions each choice, the dimensions' "
+            "side by side"
         ),
     ]
     action_dims: Annotated[list[int], Field(description="choices of each dimension of an action")]

@@ -8,6 +8,7 @@ import subprocess
 import tempfile
 import time
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -71,19 +72,12 @@ def model_library(build: Build, harness: Harness = CORE, *, rtl: Path | None = N
     Raises:
         ConfigError: Verilator or a C++ compiler is missing, or fails.
     """
-    rtl = rtl or sources.folder()
-    files = [
-        *sorted(rtl.glob("bpn_*.sv")),
-        *sorted(rtl.glob(harness.shell) if harness.shell else ()),
-        rtl / harness.driver,
-    ]
-    digest = hashlib.sha256(f"{harness}{_COMPILE}{render(build)}".encode())
-    for file in files:
-        digest.update(file.read_bytes())
-    library = _cache() / f"{digest.hexdigest()[:24]}.so"
+    files, library = _made_of(build, harness, rtl or sources.folder())
     if library.exists():
-        library.touch()
+        with suppress(OSError):  # one that is kept elsewhere may be anybody's
+            library.touch()
     else:
+        library.parent.mkdir(parents=True, exist_ok=True)
         _make(build, harness, files, library)
         prune(library.parent)
     return library
@@ -100,7 +94,9 @@ def prune(cache: Path) -> None:
 
 
 def is_possible() -> bool:
-    """Whether there is what models are made with."""
+    """Whether the usual core's model is there, or what it is made with."""
+    if _made_of(Build(), CORE, sources.folder())[1].exists():
+        return True
     try:
         verilator()
         _compiler()
@@ -130,10 +126,18 @@ def verilator() -> tuple[Path, dict[str, str]]:
     return Path(system), dict(os.environ)
 
 
-def _cache() -> Path:
-    where = Path(os.environ.get(CACHE) or Path.home() / ".cache/bpn/rtl")
-    where.mkdir(parents=True, exist_ok=True)
-    return where
+def _made_of(build: Build, harness: Harness, rtl: Path) -> tuple[list[Path], Path]:
+    """The sources of a model, and where it is once it is made."""
+    files = [
+        *sorted(rtl.glob("bpn_*.sv")),
+        *sorted(rtl.glob(harness.shell) if harness.shell else ()),
+        rtl / harness.driver,
+    ]
+    digest = hashlib.sha256(f"{harness}{_COMPILE}{render(build)}".encode())
+    for file in files:
+        digest.update(file.read_bytes())
+    cache = Path(os.environ.get(CACHE) or Path.home() / ".cache/bpn/rtl")
+    return files, cache / f"{digest.hexdigest()[:24]}.so"
 
 
 def _make(build: Build, harness: Harness, files: list[Path], library: Path) -> None:

@@ -75,7 +75,9 @@ class NativeKernel:
 
     def run(self, observation: Observation) -> Integers:
         """See `Kernel.run`."""
-        return self.network.run(observation)
+        if self._loaded is None:  # without a call: it is a tenth of an inference
+            raise not_loaded(self.name)
+        return self._loaded[0].run(observation)
 
     def trace(self, observation: Observation) -> tuple[tuple[Observation, ...], Integers]:
         """One inference with its inner activations, for tests and diagnosis.

@@ -1,1 +1,1 @@
-"""An arm with four joints in the plane, all turned at once, that brings its hand to a target (docs/tasks/arm.md)."""
+"""An arm of four joints in the plane, all turned at once, that reaches a target (docs/tasks/arm.md)."""

@@ -1,9 +1,9 @@
-"""What it costs that preferences of joint actions are sums over the joints: reaching with both joints at once, exactly.
+"""What it costs that preferences of joint actions are sums over the joints: reaching with both at once, exactly.
 
-An arm with ideal servos has 24 x 24 poses and 49 joint actions, so every iteration of CVI or Q-learning is computed in
-full: y(s,a) of all poses and actions, then P(s,.) as the weighted least-squares fit of y(s,.), which is y itself where P
-has 49 outputs, and the nearest sum P_1(a_1) + P_2(a_2) where it has 14. `python -m bpn_robot_sim.reaching.additivity`
-prints the table of docs/factored-actions.md.
+An arm with ideal servos has 24 x 24 poses and 49 joint actions, so every iteration of CVI or Q-learning is
+computed in full: y(s,a) of all poses and actions, then P(s,.) as the weighted least-squares fit of y(s,.), which
+is y itself where P has 49 outputs, and the nearest sum P_1(a_1) + P_2(a_2) where it has 14.
+`python -m bpn_robot_sim.reaching.additivity` prints the table of docs/factored-actions.md.
 """
 
 import argparse
@@ -39,8 +39,8 @@ class Setting:
     Attributes:
         alpha: of CVI; None: Q-learning, y = r + gamma max_a Q(s',a).
         outputs: 49, of every joint action, or 14, of each joint's turns.
-        weights: of the fit: the policy's own probabilities, as of data that it collected itself; the softmax's, which
-            is CVI's own, for Q-learning too; or all alike.
+        weights: of the fit: the policy's own probabilities, as of data that it collected itself; the softmax's,
+            which is CVI's own, for Q-learning too; or all alike.
         sigma: of normal noise that every output gets anew in every iteration, in the unit of y.
     """
 
@@ -77,10 +77,11 @@ def optimum() -> float:
 
 def _value(P: Table, setting: Setting) -> Table:
     """m_beta P, or max P, of every pose."""
-    top = P.max(axis=(2, 3))
+    top: Table = P.max(axis=(2, 3))
     if setting.alpha is None:
         return top
-    return top + np.log(np.exp(_BETA * (P - top[..., None, None])).mean(axis=(2, 3))) / _BETA
+    excess: Table = np.exp(_BETA * (P - top[..., None, None])).mean(axis=(2, 3))
+    return top + np.log(excess) / _BETA
 
 
 def _policy(P: Table, setting: Setting, iteration: int) -> Table:
@@ -88,15 +89,17 @@ def _policy(P: Table, setting: Setting, iteration: int) -> Table:
     if setting.weights == "uniform":
         return np.full(P.shape, 1 / 49)
     if setting.alpha is not None or setting.weights == "softmax":
-        weights = np.exp(_BETA * (P - P.max(axis=(2, 3), keepdims=True)))
-        return weights / weights.sum(axis=(2, 3), keepdims=True)
+        weights: Table = np.exp(_BETA * (P - P.max(axis=(2, 3), keepdims=True)))
+        weights /= weights.sum(axis=(2, 3), keepdims=True)
+        return weights
     first, last = _EPSILONS
     epsilon = first + min(1.0, 2 * iteration / ITERATIONS) * (last - first)
     each = 1 - (1 - epsilon) ** 0.5  # as epsilon-greedy explores in each dimension
     greedy = [
         np.eye(7)[P.max(axis=other).argmax(axis=2)] * (1 - each) + each / 7 for other in (3, 2)
     ]
-    return np.einsum("pqi,pqj->pqij", *greedy)
+    product: Table = np.einsum("pqi,pqj->pqij", *greedy)
+    return product
 
 
 def _fitted(y: Table, weights: Table, setting: Setting, random: np.random.Generator) -> Table:
@@ -110,7 +113,8 @@ def _fitted(y: Table, weights: Table, setting: Setting, random: np.random.Genera
     first, second = first - mean[..., None] / 2, second - mean[..., None] / 2
     first = first + setting.sigma * random.standard_normal(first.shape)
     second = second + setting.sigma * random.standard_normal(second.shape)
-    return first[..., :, None] + second[..., None, :]
+    fitted: Table = first[..., :, None] + second[..., None, :]
+    return fitted
 
 
 def _played(P: Table, rewards: Table, after: tuple[npt.NDArray[np.intp], ...]) -> float:

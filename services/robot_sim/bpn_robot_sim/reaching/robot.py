@@ -6,7 +6,7 @@ from bpn_shared.spec.tasks import TaskSpec
 
 
 class ReachingRobot(PlanarArm):
-    """The arm of two links, one joint of which an action turns, or both where a task's actions have two dimensions.
+    """The arm of two links: an action turns one joint, or both where the task's actions have two dimensions.
 
     Start and target are fixed (the paper, section V-A-1), so the seed changes nothing but the servos' backlash,
     if there is any.

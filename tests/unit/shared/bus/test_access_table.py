@@ -30,6 +30,7 @@ WHO: dict[str, dict[str, set[str]]] = {
     keys.frame(RUN, 0): {"publish": {"robot_sim"}, "get": {"edge"}},
     keys.action(RUN, 0): {"publish": {"edge"}, "get": {"robot_sim"}},
     keys.reset(RUN, 0): {"ask": {"edge"}, "answer": {"robot_sim"}},
+    keys.local_link(RUN, 0, "main", "x"): {"hold": {"robot_sim"}, "watch": {"edge"}},
     keys.preview(RUN, 0): {"publish": {"robot_sim"}, "get": {"dashboard"}},
     keys.decision(RUN, 0): {"publish": {"edge"}, "get": {"dashboard"}},
     keys.config(RUN): {"ask": WORKERS, "answer": {"learner"}},

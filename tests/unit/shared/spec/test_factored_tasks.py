@@ -29,7 +29,10 @@ def test_an_actions_number_choices_and_name_are_the_same_action(dims: list[int],
     action = joined(choices, dims)
     assert task.choices(action) == tuple(choices)
     assert task.action_name(action) == ", ".join(f"{d}: {c}" for d, c in enumerate(choices))
-    assert (task.actions, task.joint_actions) == (sum(dims), joined([n - 1 for n in dims], dims) + 1)
+    assert (task.actions, task.joint_actions) == (
+        sum(dims),
+        joined([n - 1 for n in dims], dims) + 1,
+    )
     assert task.network(8).action_dims == tuple(dims)
 
 
@@ -55,7 +58,10 @@ def test_one_dimension_has_no_list() -> None:
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"action_dims": (2, 2)}, r"action_dims = \[2, 2\]: they have to be several, and 5 together"),
+        (
+            {"action_dims": (2, 2)},
+            r"action_dims = \[2, 2\]: they have to be several, and 5 together",
+        ),
         ({"action_dims": (5,)}, r"action_dims = \[5\]: they have to be several"),
         ({"hold_action": 6}, r"hold_action = 6: there are the actions 0\.\.5"),
     ],
@@ -94,8 +100,16 @@ def test_a_gym_task_has_the_dimensions_that_it_is_given() -> None:
 @pytest.mark.parametrize(
     ("task", "changes", "message"),
     [
-        ("gym:Some-v0", {"action_dims": "3,4", "actions": 6}, "are 7 choices together, actions = 6"),
-        ("gym:Some-v0", {"action_dims": "40,40"}, "are 80 choices together, a policy has at most 64"),
+        (
+            "gym:Some-v0",
+            {"action_dims": "3,4", "actions": 6},
+            "are 7 choices together, actions = 6",
+        ),
+        (
+            "gym:Some-v0",
+            {"action_dims": "40,40"},
+            "are 80 choices together, a policy has at most 64",
+        ),
         ("arm", {"action_dims": "7,7"}, "action_dims = .*task 'arm' has 7,7,7,7; leave it out"),
         ("reaching", {"action_dims": "7,7"}, "action_dims = .*task 'reaching' has"),
     ],

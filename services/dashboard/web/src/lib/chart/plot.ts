@@ -6,11 +6,13 @@ import type { Column } from '../api/types';
 import { PALETTE, withAlpha, type ThemeName } from '../colour';
 import { bytes, duration, number } from '../format';
 import { count } from '../stats';
+import type { Drawing, Ink } from '../vector/drawing';
 import { alone } from './gaps';
 import { drawMarks, type Mark } from './marks';
 import { picture } from './picture';
 import { planOf, shapeOf, type Line, type Part, type Plan } from './plan';
 import { widened, type Range } from './range';
+import { vectorOf } from './vector';
 import { distributionOf, linearUpTo, yRange, type Distribution, type YScale } from './scale';
 
 export type { Range };
@@ -123,6 +125,42 @@ export class Plot {
       text: this.#token('--text'),
       font: this.#token('--font'),
     });
+  }
+
+  /** What is drawn, as vectors; null if nothing is. */
+  drawing(ink: Ink): Drawing | null {
+    const [chart, state] = [this.#chart, this.#state];
+    if (!chart || !state) return null;
+    const left = chart.over.offsetLeft;
+    const top = chart.over.offsetTop;
+    const scale = (key: 'x' | 'y', shift: number, text: (value: number) => string) => ({
+      low: chart.scales[key]?.min ?? 0,
+      high: chart.scales[key]?.max ?? 1,
+      at: (value: number) => shift + chart.valToPos(value, key),
+      text,
+    });
+    return vectorOf(
+      {
+        widthPx: chart.width,
+        heightPx: chart.height,
+        frame: {
+          left,
+          top,
+          right: left + chart.over.clientWidth,
+          bottom: top + chart.over.clientHeight,
+        },
+        x: scale('x', left, (value) => (state.xUnit === 's' ? duration(value) : number(value, 6))),
+        y: scale('y', top, (value) => this.#tick(value)),
+        distribution: distributionOf(state.yScale, this.#values()),
+        plan: this.#plan,
+        lines: state.lines,
+        hidden: state.hidden,
+        colour: (line) => this.#colour(line),
+        bandAlpha: this.#bandAlpha(),
+        rawAlpha: RAW_ALPHA,
+      },
+      ink,
+    );
   }
 
   destroy(): void {

@@ -38,7 +38,7 @@ export const BAND_TITLES: Record<Band, string> = {
 };
 export const AXIS_TITLES: Record<XAxis, string> = {
   iteration: 'iteration',
-  process_s: 'time worked on it',
+  process_s: 'time worked',
   wall_s: 'time since the start',
   transitions: 'transitions',
 };
