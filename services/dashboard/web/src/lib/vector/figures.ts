@@ -2,7 +2,7 @@
 
 import { number, quantity } from '../format';
 import { axes, scaleOf, type Frame } from './axes';
-import { area, bar, label, line, type Drawing, type Ink, type Mark } from './drawing';
+import { area, bar, label, line, type Anchor, type Drawing, type Ink, type Mark } from './drawing';
 
 export interface Interval {
   value: number | null;
@@ -277,6 +277,11 @@ export function parallelOf(
         label(x + 5, at + 4, clipped(text, step - 10), ink.muted, { size: 11, title: text }),
       );
   return { width: widthPx, height: heightPx, background: ink.background, marks };
+}
+
+/** Titles at the ends stay inside. */
+function anchors(i: number, n: number): Anchor {
+  return i === 0 ? 'start' : i === n - 1 ? 'end' : 'middle';
 }
 
 /** Runs of points without a hole; a single one is drawn as a short stroke. */
