@@ -109,7 +109,7 @@ class Run:
 
         Returns:
             For each, `frames` uint8[T+1, c, height, width], `actions` uint8[T], or uint8[T, D] of D dimensions,
-            `rewards` float64[T] as learned from (pixels, or the environment's unit), `outputs` [T, |A|], and
+            `rewards` float64[T] as learned from (pixels, or the environment's unit), `outputs` [T, |A|] and
             `meta`. A damaged one is left out with a warning.
         """
         told = self.folder.rewards()

@@ -48,7 +48,7 @@ TASKS: dict[str, Values] = {
 """One of every kind."""
 
 WRONG: list[tuple[str, Values, str]] = [
-    ("flying", {}, "one of: gym:[MODULE:]ENVIRONMENT-ID, pan_tilt, reaching, tracking"),
+    ("flying", {}, "one of: arm, gym:[MODULE:]ENVIRONMENT-ID, pan_tilt, pan_tilt_both, reaching, "),
     ("gym:", {}, "must be gym:[MODULE:]ENVIRONMENT-ID"),
     ("reaching", {"alpha": 1.5}, "Input should be less than or equal to 1"),
     ("reaching", {"pacing": "slow"}, "Input should be 'lockstep' or 'realtime'"),

@@ -40,8 +40,8 @@ def main(argv: list[str] | None = None) -> int:
         action="append",
         metavar="NAME",
         default=[],
-        help="DNS names or addresses of the router, separated by commas, beside those that its certificate "
-        f"has already (default {', '.join(SERVER_NAMES)})",
+        help="DNS names or addresses of the router, separated by commas, beside those that its certificate has "
+        f"(default {', '.join(SERVER_NAMES)})",
     )
     parser.add_argument(
         "--router",

@@ -56,13 +56,12 @@ def choices_of(space: Any, task: str, bins: int) -> ActionChoices:
     if sum(found.dims) > MAX_ACTIONS:
         shown = " + ".join(map(str, found.dims[:8])) + (" + ..." if len(found.dims) > 8 else "")
         remedy = (
-            "choose fewer action_bins, or"
-            if isinstance(space, Box)
-            else "wrap it with env_wrappers, or"
+            "choose fewer action_bins" if isinstance(space, Box) else "wrap it with env_wrappers"
         )
         raise ConfigError(
             f"{task} has actions of {len(found.dims)} dimensions with {sum(found.dims)} choices together "
-            f"({shown}), a policy has at most {MAX_ACTIONS}: {remedy} ask for a smaller mode with env_kwargs if it has one"
+            f"({shown}), a policy has at most {MAX_ACTIONS}: {remedy}, or ask for a smaller mode with env_kwargs "
+            "if it has one"
         )
     return found
 

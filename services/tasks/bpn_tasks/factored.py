@@ -9,7 +9,7 @@ from typing import Any
 from bpn_shared.spec.joint_actions import joined
 from bpn_shared.spec.tasks import TaskSpec
 from bpn_tasks import specs
-from bpn_tasks.markers import ARM_HAND_RADIUS_PX, REACHING_TARGET_RADIUS_PX
+from bpn_tasks.markers import REACHING_TARGET_RADIUS_PX
 
 REACHING_TURNS_DEG = (-90, -45, -30, 0, 30, 45, 90)
 PAN_TILT_TURNS_DEG = (-4, -2, 0, 2, 4)
@@ -50,8 +50,8 @@ def arm() -> TaskSpec:
         plot="reaching",
         frame_channels=1,
         control_period_s=specs.CONTROL_PERIOD_S,
-        success="last_reward",  # the hand ends where it touches the target
-        success_reward=-(REACHING_TARGET_RADIUS_PX + ARM_HAND_RADIUS_PX),
+        success="last_reward",  # the hand ends on the target
+        success_reward=-REACHING_TARGET_RADIUS_PX,
         preset={
             "steps": 20,
             "hidden_units": 256,

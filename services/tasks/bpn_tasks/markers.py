@@ -13,7 +13,6 @@ ARM_LEVEL = 80
 TARGET_LEVEL = 160
 HAND_LEVEL = 255
 REACHING_TARGET_RADIUS_PX = 5.0
-ARM_HAND_RADIUS_PX = 3.0
 
 
 @dataclass(frozen=True, slots=True)

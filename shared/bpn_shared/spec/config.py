@@ -208,7 +208,7 @@ class RunConfig(ExecutionValues, TrainingValues, AlgorithmValues, TaskOptions):
 
     @property
     def longest_silence_s(self) -> float:
-        """How long robot and edge may hear nothing of each other: one is stopped then, the other asked anew."""
+        """How long robot and edge may hear nothing of each other: then the robot is stopped, or asked again."""
         realtime = self.pacing == "realtime"
         return max(1.0, _SILENT_PERIODS * self.task_spec.control_period_s if realtime else 0.0)
 

@@ -86,7 +86,7 @@ def test_it_tells_its_version(capsys: pytest.CaptureFixture[str]) -> None:
         (["bench", "dashboard", "--parts", "series,moon"], "--parts moon: there are series, lists"),
         (
             ["train"],
-            "TASK is missing; one of: gym:[MODULE:]ENVIRONMENT-ID, pan_tilt, reaching, tracking",
+            "TASK is missing; one of: arm, gym:[MODULE:]ENVIRONMENT-ID, pan_tilt, pan_tilt_both, reaching, ",
         ),
         (["train", "reaching", "--runs-dir", "/proc/x"], "--runs-dir /proc/x: No such file"),
         (["train", "reaching", "--runs-dir", "FILE"], "FILE: File exists; choose a folder"),

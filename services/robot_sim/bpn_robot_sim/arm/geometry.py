@@ -1,25 +1,39 @@
-"""The arm task in numbers: links, start, targets and turns; pixels and world as of `planar_arm.scene`."""
+"""The arm task in numbers: links, starts, target and turns; pixels and world as of `planar_arm.scene`."""
 
 from math import cos, radians, sin
 
+import numpy as np
+
 from bpn_robot_sim.planar_arm.scene import BASE_PX
 from bpn_tasks.factored import ARM_TURNS_DEG
-from bpn_tasks.markers import ARM_HAND_RADIUS_PX, REACHING_TARGET_RADIUS_PX
+from bpn_tasks.markers import REACHING_TARGET_RADIUS_PX
 
 LINK_LENGTHS_PX = (12.0, 10.0, 9.0, 8.0)
 """With the hand's radius they sum to 42, half the image: the workspace touches its border."""
 LINK_WIDTH_PX = 4.0
-HAND_RADIUS_PX = ARM_HAND_RADIUS_PX
+HAND_RADIUS_PX = 3.0
 TARGET_RADIUS_PX = REACHING_TARGET_RADIUS_PX
 
-START_DEG = (-120, 20, 20, 20)
-"""Below the base, bent a little."""
-TARGET_ANGLES_DEG = (45.0, 135.0)
-TARGET_DISTANCES_PX = (20.0, 34.0)
-"""Of a target from the base, above it: the arm can reach all of them, and covers none at the start."""
+GRID_DEG = 5
+"""Every angle of a joint is a multiple of it."""
+MIDDLE_START_DEG = (-120, 20, 20, 20)
+"""Below the base, bent a little; starts are up to `START_SPREAD_DEG` beside it, in each joint."""
+START_SPREAD_DEG = 30
+TARGET_POSE_DEG = (40, 20, 20, 20)
+"""A pose of the grid whose hand is on the target, far from all starts; of many."""
 
 TURNS_DEG = ARM_TURNS_DEG
 """Of a joint, by choice."""
+
+
+def start_deg(seed: int) -> tuple[int, ...]:
+    """The joints' angles where the episode of that seed begins."""
+    most = START_SPREAD_DEG // GRID_DEG
+    beside = np.random.default_rng(seed).integers(-most, most + 1, len(MIDDLE_START_DEG))
+    return tuple(
+        middle + GRID_DEG * steps
+        for middle, steps in zip(MIDDLE_START_DEG, beside.tolist(), strict=True)
+    )
 
 
 def hand_px(joint_deg: tuple[float, ...]) -> tuple[float, float]:
@@ -32,7 +46,4 @@ def hand_px(joint_deg: tuple[float, ...]) -> tuple[float, float]:
     return x_px, y_px
 
 
-def target_px(angle_deg: float, distance_px: float) -> tuple[float, float]:
-    """A target in the image at this direction and distance from the base."""
-    angle = radians(angle_deg)
-    return BASE_PX[0] + distance_px * cos(angle), BASE_PX[1] - distance_px * sin(angle)
+TARGET_PX = hand_px(TARGET_POSE_DEG)

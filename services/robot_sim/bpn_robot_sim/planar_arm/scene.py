@@ -22,8 +22,6 @@ DAMPING_RATIO = 1.1
 """Above 1 at the armature alone, so that the outstretched arm does not overshoot either."""
 
 _HAND_KG = 0.01
-_BELOW_M, _ABOVE_M = -0.05, 0.03
-"""Where a target lies: under the arm, or between arm and hand."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,18 +39,19 @@ def mjcf(
     width_px: float,
     hand_radius_px: float,
     target_radius_px: float,
-    target_px: tuple[float, float] | None = None,
+    target_px: tuple[float, float],
 ) -> str:
     """The scene as MJCF text.
 
     Args:
         name: the model's.
         links: from the base on; joint k turns link k, and servo k joint k.
-        target_px: where the target lies, under the arm; None: a mocap body that can be moved, above it.
+        target_px: where the target lies, under the arm.
     """
     stiffness = ARMATURE_KGM2 * NATURAL_FREQUENCY_PER_S**2
     damping = 2 * DAMPING_RATIO * ARMATURE_KGM2 * NATURAL_FREQUENCY_PER_S
     template = (resources.files(__package__) / "arm.xml").read_text(encoding="utf-8")
+    target_x_m, target_y_m = to_world(*target_px)
     numbers = range(1, len(links) + 1)
     return Template(template).substitute(
         name=name,
@@ -63,7 +62,8 @@ def mjcf(
         stiffness=stiffness,
         damping=damping,
         image_m=_metres(IMAGE_SIZE_PX),
-        target=_target(target_px, _metres(target_radius_px)),
+        target_m=f"{target_x_m} {target_y_m}",
+        target_radius_m=_metres(target_radius_px),
         links=_nested(links, _metres(width_px / 2), _metres(hand_radius_px)),
         servos="\n    ".join(f'<position name="servo{k}" joint="joint{k}"/>' for k in numbers),
     )
@@ -95,16 +95,6 @@ def _nested(links: Sequence[Link], half_width_m: float, hand_radius_m: float) ->
             f'mass="{link.mass_kg}" material="arm"/>{inner}</body>'
         )
     return inner
-
-
-def _target(target_px: tuple[float, float] | None, radius_m: float) -> str:
-    def disc(where: str) -> str:
-        return f'<geom type="cylinder" size="{radius_m} 0.005" pos="{where}" material="target"/>'
-
-    if target_px is None:
-        return f'<body name="target" mocap="true">{disc(f"0 0 {_ABOVE_M}")}</body>'
-    x_m, y_m = to_world(*target_px)
-    return disc(f"{x_m} {y_m} {_BELOW_M}")
 
 
 def _metres(length_px: float) -> float:
