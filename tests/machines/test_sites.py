@@ -105,7 +105,7 @@ def test_frames_never_cross_a_sites_router(
             took_s = time.monotonic() - begin_s
             idle_bytes = idle_bytes_per_s(a, b) * took_s
             print(
-                f"{sent_bytes} bytes left the sites in {took_s:.0f} s, {idle_bytes:.0f} of them as when they are idle; "
+                f"{sent_bytes} bytes left the sites in {took_s:.0f} s, {idle_bytes:.0f} of them as when idle; "
                 f"{FRAMES_BYTES} bytes of frames were played"
             )
             assert sent_bytes - idle_bytes < FRAMES_BYTES / 8  # one slot's are a quarter
