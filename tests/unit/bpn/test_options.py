@@ -49,7 +49,7 @@ def test_help_without_a_task_tells_only_what_holds_for_all() -> None:
         if name == "actions":
             values.add("found out")
         assert shown[name] == (values.pop() if len(values) == 1 else "by task")
-    assert shown["hidden_units"] == shown["relative_targets"] == "by task"
+    assert shown["hidden_units"] == shown["bootstrap_terminals"] == "by task"
     assert common_defaults()["seed"] == 0
 
 
