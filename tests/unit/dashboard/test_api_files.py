@@ -265,7 +265,7 @@ def test_episodes_are_listed_and_played(client, run) -> None:
     assert shown["preferences"] == (stored.outputs * 0.5).tolist()
     assert shown["rewards"] == [-4, -5, -6]
     assert shown["camera_to_action_us"] == [300.0, None, 400.0]
-    assert len(shown["action_names"]) == 14
+    assert (len(shown["action_names"]), shown["action_dims"]) == (14, [14])
     frames = client.get(f"{run.url}/episodes/0/1/frames")
     assert frames.headers["x-frames-shape"] == "4,1,84,84"
     assert frames.content == stored.frames.tobytes()
