@@ -72,6 +72,8 @@ int main() {
   const Geometry geometry(tracking, 5);
   const Layer* layers = geometry.layers;
   Workspace work{};
+  std::vector<Extent> extents(kImages * 84);
+  work.extents = extents.data();
   for (int l = 0; l < geometry.count; ++l) {
     const Layer& layer = layers[l];
     const size_t values = size_t(kImages) * layer.positions() * layer.width;
@@ -99,13 +101,27 @@ int main() {
   peak();
   const double conv1 = double(kImages) * layers[0].positions() * layers[0].outputs * layers[0].fan_in();
   const int stride = layers[0].positions() * layers[0].width;
-  report("conv1 outputs", conv1, [&] {
-    for (int b = 0; b < kImages; ++b) convolve_pixels(layers[0], images[b], nullptr, work.pixel_signs, work.outputs[0] + b * stride);
-  });
-  report("conv1 sign gradient", conv1, [&] {
-    for (int b = 0; b < kImages; ++b)
-      add_weight_gradients(layers[0], 20, 20, layers[0].step_x, images[b], work.gradients[0] + b * stride, work.weight_gradients[0]);
-  });
+  const auto report_conv1 = [&] {
+    report("extents", 0, [&] {
+      for (int b = 0; b < kImages; ++b) take_extents(layers[0], images[b], work.extents + b * 84);
+    });
+    report("conv1 outputs", conv1, [&] {
+      for (int b = 0; b < kImages; ++b) convolve_pixels(layers[0], images[b], work.extents + b * 84, nullptr, work.pixel_signs, work.outputs[0] + b * stride);
+    });
+    report("conv1 sign gradient", conv1, [&] {
+      for (int b = 0; b < kImages; ++b)
+        add_weight_gradients(layers[0], 20, 20, layers[0].step_x, images[b], work.gradients[0] + b * stride, work.weight_gradients[0],
+                             work.extents + b * 84);
+    });
+  };
+  const auto report_whole = [&] {
+    report("whole minibatch", 0, [&] { gradients(geometry, batch, parameters, work, out); });
+    report("drawn from all of D", 0, [&] {
+      for (const uint8_t*& image : images) image = pixels.data() + generator() % kTransitions * layers[0].image;
+      gradients(geometry, batch, parameters, work, out);
+    });
+  };
+  report_conv1();
   const char* names[] = {"conv1", "conv2", "conv3", "fc1", "fc2"};
   for (int l = 1; l < geometry.count; ++l) {
     const Layer& layer = layers[l];
@@ -138,9 +154,15 @@ int main() {
     take_signs(geometry, parameters, work);
     give_latent(geometry, parameters.latent, work, out.latent);
   });
-  report("whole minibatch", 0, [&] { gradients(geometry, batch, parameters, work, out); });
-  report("drawn from all of D", 0, [&] {
-    for (const uint8_t*& image : images) image = pixels.data() + generator() % kTransitions * layers[0].image;
-    gradients(geometry, batch, parameters, work, out);
-  });
+  report_whole();
+
+  std::printf("\nas a task draws them, two discs on black:\n");
+  std::fill(pixels.begin(), pixels.end(), uint8_t{0});
+  for (int image = 0; image < kTransitions; ++image)
+    for (int disc = 0; disc < 2; ++disc) {
+      uint8_t* at = pixels.data() + size_t(image) * layers[0].image + generator() % 72 * layers[0].row_stride + generator() % 72 * 6;
+      for (int y = 0; y < 12; ++y) std::fill_n(at + y * layers[0].row_stride, 12 * 6, uint8_t{200});
+    }
+  report_conv1();
+  report_whole();
 }

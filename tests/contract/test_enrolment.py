@@ -7,12 +7,15 @@ import ssl
 import threading
 import time
 from collections.abc import Callable, Iterator
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import pytest
+from cryptography.hazmat.primitives.serialization import Encoding
 
+from bpn.joined import Renewal
 from bpn_certificates.authority import Identity as Pair
-from bpn_certificates.authority import new_key, signing_request
+from bpn_certificates.authority import Validity, certify, new_key, signing_request
 from bpn_certificates.book import Book
 from bpn_certificates.enrolment import MAX_BODY_BYTES, EnrolmentServer
 from bpn_certificates.folders import make
@@ -214,3 +217,29 @@ def test_the_authority_is_for_machines_what_it_is_for_roles(office: Office, tmp_
     edge = CertificateFiles.in_folder(office.folder / "edge")
     assert machine.files.authority.read_bytes() == edge.authority.read_bytes()
     Pair.from_pem(machine.files.certificate.read_bytes(), machine.files.key.read_bytes())
+
+
+def test_a_certificate_near_its_end_is_renewed_by_the_machine_itself(
+    office: Office, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    machine = join(office.token(), "pi-7", tmp_path / "pi")
+    before = machine.files.certificate.read_bytes()
+    Renewal(machine).look()
+    assert machine.files.certificate.read_bytes() == before  # it is good for long
+    folder = office.folder / "authority"
+    authority = Pair.from_pem((folder / CERTIFICATE).read_bytes(), (folder / KEY).read_bytes())
+    key = Pair.from_pem(before, machine.files.key.read_bytes()).key.public_key()
+    start = datetime.now(UTC) - timedelta(days=9)
+    life = Validity(start, start + timedelta(days=10))
+    ending = certify(authority, machine.identity.common_name, key, life)
+    machine.files.certificate.unlink()
+    machine.files.certificate.write_bytes(ending.public_bytes(Encoding.PEM))
+    Renewal(machine).look()
+    assert facts_of(machine.files.certificate).life.left(datetime.now(UTC)) > timedelta(days=300)
+    assert own_obstacle(machine.files) == ""
+    machine.files.certificate.unlink()
+    machine.files.certificate.write_bytes(ending.public_bytes(Encoding.PEM))
+    Book(office.folder).remove("pi-7")
+    Renewal(machine).look()
+    assert "cannot be renewed" in caplog.text
+    assert "is not admitted" in caplog.text

@@ -201,7 +201,16 @@ def test_what_is_no_longer_kept_is_an_explicit_gap(tab: Callable[..., Tab], serv
     assert page.hear() == {"op": "gap", "id": 2, "missed": None}
 
 
-def test_only_the_runs_topic_is_published_by_hand(server: Server) -> None:
+def test_alerts_are_told_to_every_page_that_is_open(
+    server: Server, tab: Callable[..., Tab]
+) -> None:
+    page = tab()
+    page.subscribe("alerts", since=0)
+    server.view.publish("alerts", {"id": 1, "text": "it failed"})
+    assert page.hear()["data"] == {"id": 1, "text": "it failed"}
+
+
+def test_only_topics_without_a_source_are_published_by_hand(server: Server) -> None:
     with pytest.raises(ValueError, match="has a source of its own"):
         server.view.publish("topology", {})
 

@@ -5,7 +5,6 @@ import socket
 import tempfile
 import threading
 from collections.abc import Callable, Iterator
-from functools import partial
 from pathlib import Path
 
 import pytest
@@ -13,6 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bpn_shared.bus import local_socket
+from bpn_shared.bus.liveliness import Token
 from bpn_shared.bus.local_link import MAX_CONNECTIONS, LocalClient, LocalServer
 from bpn_shared.bus.local_socket import LocalConnection
 from bpn_shared.bus.session import Bus
@@ -24,11 +24,11 @@ HEADER, LARGEST = 8, 8 + 70_000
 
 
 @pytest.fixture(autouse=True)
-def own_folder(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch) -> Path:
+def own_folder(monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     """Sockets are in a folder of the test's own; its path is short, as those of sockets have to be."""
     with tempfile.TemporaryDirectory(prefix="bpn") as folder:
         monkeypatch.setattr(tempfile, "tempdir", folder)
-        yield Path(folder)  # type: ignore[misc]
+        yield Path(folder)
 
 
 class Robot:
@@ -164,7 +164,7 @@ def test_only_so_many_are_served(robot: Robot, wait_for: WaitFor) -> None:
     wait_for(lambda: not robot.end._connections, "their ends to be noticed")
 
 
-def test_a_socket_whose_process_died_is_removed_and_others_are_kept(own_folder: Path) -> None:
+def test_a_socket_whose_process_died_is_removed_and_others_are_kept() -> None:
     first, kept = local_socket.listen()
     second, dead = local_socket.listen()
     second.close()
@@ -190,9 +190,9 @@ def test_a_folder_that_others_may_enter_is_not_used(
     own_folder: Path, spoil: Callable[[Path], object], open_bus: OpenBus
 ) -> None:
     spoil(own_folder / f"bpn-{os.getuid()}")
-    with pytest.raises(OSError):
+    with pytest.raises(OSError, match=f"bpn-{os.getuid()}"):
         local_socket.listen()
-    with pytest.raises(OSError):
+    with pytest.raises(OSError, match=f"bpn-{os.getuid()}"):
         local_socket.connect("any.sock")
     robot = Robot(open_bus())  # goes on by the router
     assert not reached(robot)
@@ -212,12 +212,9 @@ def test_a_process_of_another_user_is_refused(monkeypatch: pytest.MonkeyPatch) -
 def test_an_offer_of_another_machine_is_left_alone(
     open_bus: OpenBus, edge: Edge, wait_for: WaitFor
 ) -> None:
-    from bpn_shared.bus.liveliness import Token
-
     with Token(open_bus(), "test/local/of-another-machine.sock"):
         wait_for(lambda: edge.end._offers, "the offer")
-        following = partial(threading.enumerate)
         wait_for(
-            lambda: not any(thread.name == "local robot" for thread in following()),
+            lambda: all(thread.name != "local robot" for thread in threading.enumerate()),
             "nobody to follow it",
         )

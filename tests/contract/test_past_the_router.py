@@ -23,7 +23,6 @@ LOCKSTEP = RunConfig.for_task("reaching", hidden_units=16, steps=12)
 REALTIME = RunConfig.for_task("tracking", hidden_units=16, steps=12, pacing="realtime")
 FRAMES = 13
 """Of an episode."""
-WaitFor = Callable[..., None]
 
 
 class Loop:
@@ -82,7 +81,7 @@ def undisturbed(loop: Callable[..., Loop]) -> list[Episode]:
 
 
 def test_the_router_sees_hardly_a_frame_and_the_episodes_are_the_same(
-    loop: Callable[..., Loop], undisturbed: list[Episode], wait_for: WaitFor
+    loop: Callable[..., Loop], undisturbed: list[Episode]
 ) -> None:
     shorter = loop(LOCKSTEP)
     for number, expected in enumerate(undisturbed):
@@ -128,8 +127,7 @@ def test_a_way_that_swallows_everything_is_given_up_soon(
     monkeypatch.setattr(LocalConnection, "put", put)
     swallowed = loop(config)
     for number in range(3):
-        episode = swallowed.episode(number)
-        assert episode.steps == 12
+        swallowed.episode(number)
     assert next(sent) > 12
     assert swallowed.seen_at_router > FRAMES
     assert swallowed.learner.faults == []

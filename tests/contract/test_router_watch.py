@@ -8,11 +8,15 @@ import subprocess
 import sys
 import threading
 from collections.abc import Callable, Iterator
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
 
 import pytest
 from counting_proxy import CountingProxy
 from logged import lines
 
+from bpn_certificates.folders import make
+from bpn_shared.bus.certificates import FOLDER_VARIABLE
 from bpn_shared.bus.router_watch import RouterLostError, RouterWatch
 from bpn_shared.bus.session import Bus
 from bpn_shared.counters import Counters
@@ -139,3 +143,19 @@ def test_who_was_frozen_gives_up_although_its_clock_seems_right(
     os.kill(process.pid, signal.SIGCONT)
     assert re.fullmatch(r"this process stood still for [67] s\n", process.stdout.readline())
     assert process.wait(60) == 0
+
+
+def test_a_machines_certificate_is_told_by_its_workers_too_which_need_none(
+    running_router: RunningRouter,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    wait_for: WaitFor,
+) -> None:
+    make(tmp_path / "certificates", days=7, server_names=["localhost"])
+    monkeypatch.setenv(FOLDER_VARIABLE, str(tmp_path / "certificates" / "edge"))
+    endpoint = f"unixsock-stream/{tmp_path}/router.sock"
+    with running_router(endpoint), Bus(endpoint) as bus, Watched(bus).watch as watch:
+        wait_for(lambda: watch.certificate, "the certificate's life")
+        life = watch.certificate
+        assert life is not None
+        assert timedelta(days=6) < life.left(datetime.now(UTC)) < timedelta(days=8)

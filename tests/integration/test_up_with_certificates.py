@@ -29,6 +29,7 @@ def test_a_worker_of_another_machine_takes_part(
         command(
             "up", "--runs-dir", str(runs), "--port", "0", "--edges", "0", "--first-run", "reaching",
             "--listen", f"tls/0.0.0.0:{port}", "--certificates", str(certificates),
+            "--enrolment-port", "0",
         ),
         stdout=subprocess.DEVNULL,
         stderr=subprocess.PIPE,
@@ -57,7 +58,7 @@ def test_a_worker_of_another_machine_takes_part(
 @pytest.mark.parametrize(
     ("listen", "certified", "said"),
     [
-        ("tls/0.0.0.0:0", False, "--certificates"),
+        ("tls/0.0.0.0:0", False, "a port that stays"),
         ("tcp/0.0.0.0:0", False, "can be reached from other machines"),
         ("tls/192.0.2.1:0", True, "--server-name 192.0.2.1"),
         (None, True, "add --listen"),

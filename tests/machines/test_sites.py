@@ -12,6 +12,8 @@ from other_machines import Typed, typed
 WaitFor = Callable[..., None]
 ITERATIONS, EPISODES, STEPS = 4, 12, 20
 FRAMES_BYTES = ITERATIONS * EPISODES * STEPS * 84 * 84
+UP = "bpn up --robots 0 --listen tls/0.0.0.0:7447"
+JOIN = r"bpn join bpn1-\S+"
 RUN = (
     f"bpn train reaching --robots 4 --iterations {ITERATIONS} --episodes {EPISODES} --epochs 1 "
     "--hidden-units 32"
@@ -41,11 +43,31 @@ def an_edge_at_work(at: NetworkMachine, log: Path) -> int | None:
     return None
 
 
+def test_who_has_joined_works_on_when_bpn_up_is_started_again(
+    machines: tuple[NetworkMachine, NetworkMachine, NetworkMachine], wait_for: WaitFor
+) -> None:
+    center, a, _ = machines
+    short = typed("bpn train reaching --iterations 1 --episodes 2 --epochs 1 --hidden-units 32")
+    up = Typed(center, UP)
+    with running(up.process):
+        wait_for(lambda: up.printed(JOIN), "the router of the center", 120)
+        joined = Typed(a, str(up.printed(JOIN)))
+        with running(joined.process):
+            assert center.run(short, 300).returncode == 0
+            up.process.send_signal(signal.SIGINT)
+            assert up.process.wait(30) == 130
+            again = Typed(center, UP)
+            with running(again.process):
+                wait_for(lambda: again.printed(JOIN), "the router of the center again", 120)
+                done = center.run(short, 300)
+                assert done.returncode == 0, done.stderr + joined.text()
+
+
 def test_frames_never_cross_a_sites_router(
     machines: tuple[NetworkMachine, NetworkMachine, NetworkMachine], wait_for: WaitFor
 ) -> None:
     center, a, b = machines
-    up = Typed(center, "bpn up --robots 0 --listen tls/0.0.0.0:7447")
+    up = Typed(center, UP)
     with running(up.process):
         wait_for(lambda: up.printed("bpn join"), "the router of the center", 120)
         joined = []

@@ -70,7 +70,7 @@ def measure() -> dict[str, dict[str, list[int]]]:
         harness = verilated.Harness(
             "bpn_core",
             str(model),
-            options=("--coverage",),
+            options=("--coverage-line", "--coverage-toggle"),
             flags=("-UVM_COVERAGE", "-DVM_COVERAGE=1"),
             runtime=("verilated_cov.cpp",),
         )

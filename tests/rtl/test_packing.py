@@ -13,7 +13,7 @@ from bpn_shared.bnn.envelope import BlobError
 from bpn_shared.spec.network import NetworkSpec
 
 SPECS = st.builds(NetworkSpec, st.integers(1, 16), st.integers(1, 256), st.integers(2, 64))
-BUILDS = st.sampled_from([Build(pixel_bytes=size) for size in (1, 2, 4, 8, 16)])
+BUILDS = st.builds(Build, st.sampled_from([1, 2, 4, 8, 16]), keeps_frame=st.booleans())
 
 
 @settings(max_examples=30)

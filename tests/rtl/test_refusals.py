@@ -189,6 +189,45 @@ def test_a_pushed_word_that_finds_no_room_is_refused(core: SimulatedCore) -> Non
     core.write(registers.PIXELS, 1)  # waits for a bank
     with pytest.raises(RefusedError):
         core.write(registers.PIXELS, 2)
+    core.write(registers.WEIGHTS, 1)  # which is another stream's
+    with pytest.raises(RefusedError):
+        core.write(registers.PIXELS_LAST, 2)
+
+
+def push(core: SimulatedCore, words: Words, register: int, last_register: int) -> None:
+    for word in words[:-1].tolist():
+        core.write(register, word)
+    core.write(last_register, int(words[-1]))
+
+
+def test_sets_and_frames_are_pushed_word_by_word(core: SimulatedCore) -> None:
+    """As the driver of a mapped core does; where there is no room, the refused word is pushed again."""
+    pixels = BEATS.view("<u4").reshape(-1)
+    one = packing.weight_set(Build(), ONE, bank=0, epoch=1)
+    push(core, one, registers.WEIGHTS, registers.WEIGHTS_LAST)
+    core.run(10)
+    assert core.read(registers.STATUS) == 1
+    core.write(registers.SELECT, 1)
+    for word in pixels[:700].tolist():
+        core.write(registers.PIXELS, word)
+    core.write(registers.SELECT, 0)
+    other = packing.weight_set(Build(), OTHER, bank=0, epoch=2).tolist()
+    room = 4  # identity, sizes, an epoch that waits for the frame, and one in front
+    for word in other[:room]:
+        core.write(registers.WEIGHTS, word)
+    for _ in range(2):
+        with pytest.raises(RefusedError):
+            core.write(registers.WEIGHTS, other[room])
+    push(core, pixels[700:], registers.PIXELS, registers.PIXELS_LAST)
+    core.run(1000)
+    assert core.read(registers.FRAMES) == 1
+    assert core.read(registers.RESULT_EPOCH) == 1
+    found = [core.read(registers.OUTPUTS + 4 * i) for i in range(SPEC.actions)]
+    expected = golden.forward(ONE, IMAGE)[-1]
+    assert np.array(found, np.uint32).view(np.int32).tolist() == expected.tolist()
+    push(core, np.array(other[room:]), registers.WEIGHTS, registers.WEIGHTS_LAST)
+    core.run(10)
+    assert core.read(registers.BANK_EPOCH) == 2
 
 
 def test_a_bit_that_flips_in_the_memory_is_seen(core: SimulatedCore) -> None:

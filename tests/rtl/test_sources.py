@@ -17,6 +17,7 @@ BUILDS = (
     Build(pixel_bytes=1, channels=3, hidden_units=16, actions=2),
     Build(pixel_bytes=8, hidden_units=100),
     Build(pixel_bytes=16, hidden_units=1023),
+    Build(keeps_frame=True),
 )
 
 

@@ -1,9 +1,10 @@
-"""Weights that are replaced while frames run without a gap."""
+"""Weights that are replaced, and read, while frames run without a gap."""
 
 import numpy as np
 import pytest
 
-from bpn_edge.fpga import registers
+from bpn_edge.fpga import packing, registers
+from bpn_edge.fpga.device import CONV1, ENGINE, THRESHOLDS
 from bpn_edge.fpga.simulated import SimulatedCore
 from bpn_shared.bnn.blob import WeightBlob
 from bpn_shared.spec.network import NetworkSpec
@@ -77,3 +78,27 @@ def test_a_bank_that_a_frame_still_needs_is_not_overwritten(core: SimulatedCore)
             stream.run(20)
     stream.run(6000)
     stream.check()
+
+
+def test_what_is_read_while_frames_run_is_right_and_so_are_the_frames(core: SimulatedCore) -> None:
+    """Each read waits for a clock that the frames leave free."""
+    rng = np.random.default_rng(2)
+    images = [rng.integers(0, 256, SPEC.observation_shape, dtype=np.uint8) for _ in range(3)]
+    stream = CoreStream(core, images)
+    blob = WeightBlob.random(SPEC, rng)
+    stream.load(0, blob)
+    while not stream.verified():
+        stream.run(100)
+    core.write(registers.SELECT, 1)
+    conv1, thresholds, engine = packing.memories(core.build, blob)
+    row = core.build.conv1_lanes << core.build.beat_bits
+    parts = [(CONV1, at * row, words) for at, words in enumerate(np.split(conv1, 4))]
+    for region, begin, words in (*parts, (THRESHOLDS, 0, thresholds), (ENGINE, 0, engine)):
+        for at in range(0, len(words), 16):
+            expected = words[at : at + 16].tolist()
+            core.write(registers.READ_ADDRESS, region << 28 | begin + at)
+            assert [core.read(registers.READ_DATA) for _ in expected] == expected
+            stream.run(int(rng.integers(1, 300)))
+    stream.run(6000)
+    stream.check()
+    assert len(stream.answers) > 10

@@ -1,5 +1,6 @@
 """What is typed at several machines, and what they print."""
 
+import itertools
 import re
 import shlex
 import subprocess
@@ -8,6 +9,7 @@ from pathlib import Path
 
 from namespaces import NetworkMachine
 
+_numbers = itertools.count()
 _BIN = Path(sys.executable).parent
 
 
@@ -22,7 +24,7 @@ class Typed:
 
     def __init__(self, at: NetworkMachine, line: str) -> None:
         at.home.mkdir(exist_ok=True)
-        self._path = at.home / f"said-{abs(hash(line))}"
+        self._path = at.home / f"said-{next(_numbers)}"
         with self._path.open("w") as file:
             self.process = at.popen(typed(line), stdout=file, stderr=subprocess.STDOUT)
 

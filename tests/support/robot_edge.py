@@ -43,9 +43,9 @@ class EdgeSide:
         assert reply == ResetReply(reset_id=reset_id)
 
     def new_reset(self) -> int:
-        """Begins an episode under a new id, and returns that."""
+        """Begins an episode under a new id, which is its seed too, and returns that."""
         self._resets += 1
-        self.reset(self._resets)
+        self.reset(self._resets, seed=self._resets)
         return self._resets
 
     def frame(self, step: int, reset_id: int, count: int = 1) -> tuple[FrameHeader, np.ndarray]:

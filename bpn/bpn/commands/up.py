@@ -128,6 +128,9 @@ def _certificates(options: argparse.Namespace) -> Path | None:
     folder = given or folder_of(options.runs_dir)
     if given is None:
         check_endpoint(listen)
+        parts = network(listen)
+        if parts is not None and parts.port == 0:
+            raise InputError(f"--listen {listen}: other machines need a port that stays, 7447 say")
         check_runs_dir(options.runs_dir)
         prepare(folder, listen, options.server_name)
     check(folder, listen)
@@ -137,7 +140,7 @@ def _certificates(options: argparse.Namespace) -> Path | None:
 def _enrolment_port(options: argparse.Namespace, certificates: Path | None) -> int | None:
     """Where machines are admitted; None where none can be: the authority's key is elsewhere."""
     router = network(options.listen or "")
-    if certificates is None or router is None or not can_sign(certificates):
+    if certificates is None or router is None or not router.port or not can_sign(certificates):
         return None
     port = router.port + 1 if options.enrolment_port is None else options.enrolment_port
     return _port(port, "--enrolment-port")

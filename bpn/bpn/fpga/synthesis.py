@@ -13,7 +13,7 @@ ZU3EG = {"LUT": 70_560, "FF": 141_120, "BRAM36": 216, "DSP": 360}
 """What an xczu3eg has."""
 ECP5_85F = {"LUT": 83_640, "FF": 83_640, "BRAM18": 208, "DSP": 156}
 """What an LFE5U-85F has."""
-GW2AR_18 = {"LUT": 20_736, "FF": 15_552, "BRAM18": 46, "DSP": 48}
+GW2AR_18 = {"LUT": 20_736, "ALU": 15_552, "FF": 15_552, "BRAM18": 46, "DSP": 48}
 """What a GW2AR-18 has."""
 
 
@@ -45,16 +45,18 @@ class Cells:
 
 
 def write_sources(build: Build, where: Path, *more: str) -> list[str]:
-    """Copies the core's sources of a build, and others of the RTL's folder, into a folder; their names there."""
+    """Copies the core's sources of a build, and others of the RTL's folder, into a folder.
+
+    Returns:
+        Their names there, the package first: what is synthesized depends on the order, a little.
+    """
     package = sources.write_package(build, where)
-    names = [package.name]
-    for path in (
-        *sources.core_files(),
-        *(file for pattern in more for file in sorted(sources.folder().glob(pattern))),
-    ):
+    others = [file for pattern in more for file in sources.folder().glob(pattern)]
+    names = []
+    for path in (*sources.core_files(), *others):
         (where / path.name).write_text(path.read_text())
         names.append(path.name)
-    return names
+    return [package.name, *sorted(names)]
 
 
 def estimate_xilinx(build: Build, where: Path) -> dict[str, float]:

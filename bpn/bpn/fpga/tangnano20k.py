@@ -25,6 +25,6 @@ TANGNANO20K = Board(
     pack=lambda seed: ("gowin_pack", ["-d", _FAMILY, "-o", BITSTREAM, f"{seed}/routed.json"]),
     bitstream=BITSTREAM,
     clock="clk",
-    cells={"LUT": "LUT4", "FF": "DFF", "BRAM18": "BSRAM", "DSP": "MULTADDALU18X18"},
+    cells={"LUT": "LUT4", "ALU": "ALU", "FF": "DFF", "BRAM18": "BSRAM", "DSP": "MULT18X18"},
     has=GW2AR_18,
 )

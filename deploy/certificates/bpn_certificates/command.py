@@ -40,7 +40,7 @@ def main(argv: list[str] | None = None) -> int:
         action="append",
         metavar="NAME",
         default=[],
-        help="DNS names or addresses of the router, separated by commas, beside those that its certificate has already "
+        help="DNS names or addresses of the router, separated by commas, beside those that its certificate has "
         f"(default {', '.join(SERVER_NAMES)})",
     )
     parser.add_argument(

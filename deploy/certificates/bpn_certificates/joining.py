@@ -66,12 +66,12 @@ class Machine(NamedTuple):
         Raises:
             InputError: nothing that can be used.
         """
+        if not (state / _FILE).exists():
+            raise InputError(
+                "this machine has not joined yet: give the token that `bpn up` or `bpn invite` printed there"
+            )
         try:
             told = _told(state)
-            if not told:
-                raise InputError(
-                    "this machine has not joined yet: give the token that `bpn up` or `bpn invite` printed there"
-                )
             identity = Identity.parse(told["common_name"])
             ports = int(told["router_port"]), int(told["enrolment_port"])
             if identity is None:

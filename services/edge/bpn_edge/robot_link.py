@@ -28,8 +28,8 @@ OnFrame = Callable[[FrameHeader, npt.NDArray[np.uint8], int], None]
 class RobotLink(Closing):
     """Frames in, actions out, for the robot of this worker's slot.
 
-    Frames come by the router, and past it where the robot is on this machine; an action goes the way that its frame
-    came.
+    Frames come by the router, and past it where the robot is on this machine; an action goes the way that its
+    frame came.
 
     Args:
         past_router: whether a shorter way than by the router is looked for.

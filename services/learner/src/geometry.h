@@ -33,6 +33,8 @@ struct Layer {
   int positions() const { return size * size; }
   int fan_in() const { return rows * run; }
   int columns() const { return run / in_width; }
+  int in_rows() const { return image / row_stride; }
+  int stride() const { return step_y / row_stride; }
   int row_words() const { return (run + 63) / 64; }  // of a patch's run as bits; in_width is a multiple of 8 then
   int patch_words() const { return rows * row_words(); }
   int bit_bytes() const { return (image + 63) / 64 * 8; }  // of one input image as bits

@@ -54,9 +54,12 @@ inline void gradients(const Geometry& geometry, const Batch& batch, const Parame
   take_norms(geometry, in, work);
 
   const int conv1_values = layers[0].positions() * layers[0].width;
-  for (int b = 0; b < B; ++b)
-    convolve_pixels(layers[0], batch.pixels[b], b + 1 < B ? batch.pixels[b + 1] : nullptr, work.pixel_signs,
+  for (int b = 0; b < B; ++b) {
+    Extent* const extents = work.extents + b * layers[0].in_rows();
+    take_extents(layers[0], batch.pixels[b], extents);
+    convolve_pixels(layers[0], batch.pixels[b], extents, b + 1 < B ? batch.pixels[b + 1] : nullptr, work.pixel_signs,
                     work.outputs[0] + b * conv1_values);
+  }
   for (int l = 0; l < last; ++l) {
     normalize(batch, layers[l], work.outputs[l], work.gamma[l], work.beta[l], work.norm_scale[l],
               work.inputs[l + 1], work.input_bits[l + 1], layers[l + 1].bit_bytes());

@@ -16,7 +16,8 @@ inline void layer_gradients(const Geometry& geometry, const Batch& batch, const 
   std::memset(dw, 0, sizeof(float) * layer.width * layer.rows * padded(layer.run));
   if (l == 0) {
     for (int b = 0; b < B; ++b)
-      add_weight_gradients(layer, layer.size, layer.size, layer.step_x, batch.pixels[b], g + b * values, dw);
+      add_weight_gradients(layer, layer.size, layer.size, layer.step_x, batch.pixels[b], g + b * values, dw,
+                           work.extents + b * layer.in_rows());
     return;
   }
   const float* x = work.inputs[l];

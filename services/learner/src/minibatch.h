@@ -49,9 +49,14 @@ struct FloatGradients {
   float loss;
 };
 
-// Scratch. For layer l: weights (binarized: their signs) [width][fan_in]; inputs x_l [image][position][channel] from layer 2 on; outputs o_l (binarized: normalized
-// by batch norm), and the gradient of o_l, both [image][position][width]; the gradient of the weights
-// [width][rows][padded run].
+// The part of a row of pixels, in bytes, that has all which are not 0; none is not 0 where begin = end.
+struct Extent {
+  int begin, end;
+};
+
+// Scratch. For layer l: weights (binarized: their signs) [width][fan_in]; inputs x_l [image][position][channel] from layer
+// 2 on; outputs o_l (binarized: normalized by batch norm), and the gradient of o_l, both [image][position][width]; the
+// gradient of the weights [width][rows][padded run].
 struct Workspace {
   float* weights[kMaxLayers];
   float* inputs[kMaxLayers];
@@ -64,6 +69,7 @@ struct Workspace {
   uint64_t* sign_bits[kMaxLayers];  // binarized: of the weights from layer 2 on, see `pack_signs`
   uint8_t* input_bits[kMaxLayers];  // binarized: of the inputs from layer 2 on, see `count_outputs`
   float* transposed[kMaxLayers];    // float: [fan_in][width] of the convolutions from the second on
+  Extent* extents;            // of the pixels, [image][row]
   int8_t* pixel_signs;        // conv1's, [eight outputs][row][eight inputs][output][input], zero beyond a row's
   float* pixel_weights;       // float: the same with as many inputs as fit a vector
   float* image;               // float: one image, and zeros behind it

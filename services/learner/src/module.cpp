@@ -136,6 +136,7 @@ class Scratch {
     if (B <= capacity_) return;
     capacity_ = B;
     images_memory_ = Arena();
+    work_.extents = static_cast<Extent*>(images_memory_.bytes(B * geometry_.layers[0].in_rows() * sizeof(Extent)));
     for (int l = 0; l < geometry_.count; ++l) {
       const Layer& layer = geometry_.layers[l];
       const size_t values = B * layer.positions() * layer.width;

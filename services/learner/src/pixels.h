@@ -77,15 +77,23 @@ struct Sums {
 };
 #endif
 
-// Eight outputs at so many neighbouring positions. A pointer to every third one, from which the next two are one and two
-// steps away, leaves room for all of them in registers.
+// Eight outputs at so many neighbouring positions. A pointer to every third one, from which the next two are one and
+// two steps away, leaves room for all of them in registers. `extents` are those of the patch's rows, `first` is where
+// in them it begins.
 template <int Columns>
-[[gnu::noinline]] void convolve_pixels_at(const Layer& l, const uint8_t* patch, const int8_t* w, float* o) {
+[[gnu::noinline]] void convolve_pixels_at(const Layer& l, const uint8_t* patch, const Extent* extents, int first,
+                                          const int8_t* w, float* o) {
   constexpr int kPointers = (Columns + 2) / 3;
   const ptrdiff_t step = l.step_x, row_stride = l.row_stride;
   const int rows = l.rows, run = l.run;
+  const int groups = (run + kTogetherPixels - 1) / kTogetherPixels;
+  const int end = first + static_cast<int>((Columns - 1) * step) + run;
   Sums sums[Columns];
   for (int i = 0; i < rows; ++i, patch += row_stride) {
+    if (first >= extents[i].end || end <= extents[i].begin) {
+      w += groups * kTogetherPixels * kTogetherOutputs;
+      continue;
+    }
     const uint8_t* at[kPointers];
     for (int p = 0; p < kPointers; ++p) at[p] = patch + 3 * p * step;
     for (int k = 0; k < run; k += kTogetherPixels, w += kTogetherPixels * kTogetherOutputs) {
@@ -102,12 +110,14 @@ template <int Columns>
 // One of `parts` pieces of an image that is needed soon, and lies anywhere in D: beyond all caches.
 inline void fetch_ahead(const Layer& l, const uint8_t* image, int part, int parts) {
   constexpr int kCacheLine = 64;
+  const int begin = static_cast<int>(int64_t{l.image} * part / parts);
   const int end = static_cast<int>(int64_t{l.image} * (part + 1) / parts);
-  for (int i = static_cast<int>(int64_t{l.image} * part / parts); i < end; i += kCacheLine) __builtin_prefetch(image + i);
+  for (int i = begin; i < end; i += kCacheLine) __builtin_prefetch(image + i);
 }
 
-// `next` is the image after this one, or null; it is fetched meanwhile.
-inline void convolve_pixels(const Layer& l, const uint8_t* image, const uint8_t* next, const int8_t* signs, float* o) {
+// `extents` are those of the image's rows. `next` is the image after this one, or null; it is fetched meanwhile.
+inline void convolve_pixels(const Layer& l, const uint8_t* image, const Extent* extents, const uint8_t* next,
+                            const int8_t* signs, float* o) {
   const int groups = (l.run + kTogetherPixels - 1) / kTogetherPixels;
   const int block = l.rows * groups * kTogetherPixels * kTogetherOutputs;
   for (int first = 0; first < l.width; first += kTogetherOutputs, signs += block)
@@ -117,8 +127,9 @@ inline void convolve_pixels(const Layer& l, const uint8_t* image, const uint8_t*
         const uint8_t* patch = image + y * l.step_y + x * l.step_x;
         float* to = o + (y * l.size + x) * l.width + first;
         const bool many = l.size - x >= kColumns;
-        if (many) convolve_pixels_at<kColumns>(l, patch, signs, to);
-        else convolve_pixels_at<1>(l, patch, signs, to);
+        const Extent* own = extents + y * (l.step_y / l.row_stride);
+        if (many) convolve_pixels_at<kColumns>(l, patch, own, x * l.step_x, signs, to);
+        else convolve_pixels_at<1>(l, patch, own, x * l.step_x, signs, to);
         x += many ? kColumns : 1;
       }
     }

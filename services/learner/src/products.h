@@ -2,6 +2,7 @@
 // gradient of the weights. Each keeps a block of sums in registers; `rows` of it are images or outputs.
 #pragma once
 
+#include "extents.h"
 #include "geometry.h"
 #include "vectors.h"
 
@@ -110,19 +111,21 @@ inline void input_gradients(const Layer& l, int images, const float* g, const fl
   }
 }
 
-// dw += g * x over size_y x size_x positions, x in float or in bytes (conv1: the pixels).
+// dw += g * x over size_y x size_x positions, x in float or in bytes (conv1: the pixels, and the extents of their rows).
 template <class Value>
 inline void add_weight_gradients(const Layer& l, int size_y, int size_x, int step_x, const Value* x,
-                               const float* g, float* dw) {
+                               const float* g, float* dw, const Extent* extents = nullptr) {
   const int vectors = (l.run + kLanes - 1) / kLanes, run = padded(l.run);
   for (int i = 0; i < l.rows; ++i)
     in_groups(vectors, [&]<int V>(int first) {
       for (int n = 0; n < l.width; n += kRows) {
         Floats sums[kRows][V] = {};
         for (int y = 0; y < size_y; ++y) {
+          if (extents && extents[y * l.stride() + i].begin == extents[y * l.stride() + i].end) continue;
           const Value* from = x + y * l.step_y + i * l.row_stride + first * kLanes;
           const float* factors = g + y * size_x * l.width + n;
           for (int position = 0; position < size_x; ++position, from += step_x, factors += l.width) {
+            if (are_black<V>(from)) continue;  // nothing is added
             Floats values[V];
             each<V>([&](auto v) INLINE_LAMBDA { values[v] = load(from + v * kLanes); });
             each<kRows>([&](auto r) INLINE_LAMBDA { each<V>([&](auto v) INLINE_LAMBDA { sums[r][v] += values[v] * factors[r]; }); });

@@ -1,4 +1,4 @@
-"""What a robot is commanded: actions, to hold where none came in time, and to stop when there is nobody to obey."""
+"""What a robot is commanded: actions, hold where none came in time, and stop where nobody is to be obeyed."""
 
 import logging
 

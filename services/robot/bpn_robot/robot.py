@@ -15,11 +15,11 @@ class RobotFault(RuntimeError):  # noqa: N818 - what the bus calls it too
 class Robot(Protocol):
     """A robot with its camera.
 
-    In lockstep one step is `command`, `settle`, `frame`; in realtime pacing it is `command` when an
-    action came in time, of the task's hold action when none did, `advance(control period)`, `frame`. `settle` takes
-    as long as the servos need where nothing else moves; where the target moves too, exactly one control period, in
-    which they are done. Nothing else lets time pass, and a robot at rest stays where it is: a period with the hold
-    action is the same as one without a command.
+    In lockstep one step is `command`, `settle`, `frame`; in realtime pacing it is `command` (of the action that
+    came in time, else of the hold action), `advance(control period)`, `frame`. `settle` takes as long as the
+    servos need where nothing else moves; where the target moves too, exactly one control period, in which they
+    are done. Nothing else lets time pass, and a robot at rest stays where it is: a period with the hold action is
+    the same as one without a command.
 
     Whenever there is nobody to obey, `stop` is called: before the first episode, after each, when no action has
     come for long, and before the end.

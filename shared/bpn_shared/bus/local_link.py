@@ -1,4 +1,4 @@
-"""What a robot and its edge say to each other past the router, where both are processes of one user on one machine.
+"""What robot and edge say to each other past the router, where both are processes of one user on one machine.
 
 The robot listens at a Unix socket and holds a liveliness token with the socket's name. An edge that finds the
 socket connects, any other goes on by the router: the link is only a shorter way for what may go by both.

@@ -149,8 +149,8 @@ class RunConfig(ExecutionValues, TrainingValues, AlgorithmValues, TaskOptions):
             network.convolutions != PAPER_CONVOLUTIONS or network.image_px != IMAGE_SIZE_PX
         ):
             raise ValueError(
-                f"kernel = {self.kernel!r} is a circuit of the paper's convolutions over {IMAGE_SIZE_PX} px, this run "
-                f"has conv = {self.conv!r} over {network.image_px} px: choose another kernel, or leave them out"
+                f"kernel = {self.kernel!r} is a circuit of the paper's convolutions over {IMAGE_SIZE_PX} px, this "
+                f"run has conv = {self.conv!r} over {network.image_px} px: choose another kernel, or leave it out"
             )
         return self
 
@@ -208,7 +208,7 @@ class RunConfig(ExecutionValues, TrainingValues, AlgorithmValues, TaskOptions):
 
     @property
     def longest_silence_s(self) -> float:
-        """How long robot and edge may hear nothing of each other: then the one is stopped, the other asked again."""
+        """How long robot and edge may hear nothing of each other: then the robot is stopped, or asked again."""
         realtime = self.pacing == "realtime"
         return max(1.0, _SILENT_PERIODS * self.task_spec.control_period_s if realtime else 0.0)
 

@@ -14,6 +14,7 @@ import os
 import random
 import resource
 import sys
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 import pytest
@@ -35,8 +36,8 @@ _LONGEST_S = 600
 """Of processor time: whoever takes longer hangs, which is noticed."""
 
 
-def noticed(number: int) -> bool:
-    """Whether a test fails; in a process of its own, which has everything imported already."""
+def begin(number: int) -> int:
+    """Runs the tests in a process of its own, which has everything imported already; its id."""
     child = os.fork()
     if child == 0:
         os.environ[model.CHOSEN] = str(number)
@@ -47,13 +48,28 @@ def noticed(number: int) -> bool:
             options = ["-q", "-x", "-p", "no:cacheprovider", "--timeout=0", "-k", NOT]
             failed = pytest.main([*options, *tests]) != 0
         os._exit(failed)
-    return os.waitpid(child, 0)[1] != 0
+    return child
+
+
+def outcomes(mutants: Iterable[tuple[Mutant, int]], jobs: int) -> Iterator[tuple[Mutant, bool]]:
+    """Whether a test fails with each, some of them beside each other."""
+    running: dict[int, Mutant] = {}
+    for mutant, number in mutants:
+        if len(running) == jobs:
+            child, status = os.wait()
+            yield running.pop(child), status != 0
+        running[begin(number)] = mutant
+    while running:
+        child, status = os.wait()
+        yield running.pop(child), status != 0
 
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--sample", type=int, default=300)
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--jobs", type=int, default=2)
+    parser.add_argument("--again", action="store_true", help="those that lived, with other tests")
     parser.add_argument("--where", type=Path, default=HERE.parents[1] / "build/rtl-mutants")
     options = parser.parse_args()
     files = model.rtl()
@@ -65,18 +81,22 @@ def main() -> int:
     results = options.where.resolve() / f"{digest}-{options.seed}.jsonl"
     model.write(files, sample, where / "rtl")
     model.use(where / "rtl")
-    if noticed(0):
+    if os.waitpid(begin(0), 0)[1]:
         print("the tests fail with the core as it is")
         return 1
     lines = results.read_text().splitlines() if results.exists() else []
-    outcomes: dict[str, bool] = {row["mutant"]: row["noticed"] for row in map(json.loads, lines)}
+    known: dict[str, bool] = {row["mutant"]: row["noticed"] for row in map(json.loads, lines)}
+    todo = [
+        (mutant, number)
+        for mutant, number in sample.items()
+        if _name(mutant) not in known or (options.again and not known[_name(mutant)])
+    ]
     with results.open("a") as file:
-        for mutant, number in sample.items():
-            if (name := _name(mutant)) not in outcomes:
-                outcomes[name] = noticed(number)
-                file.write(json.dumps({"mutant": name, "noticed": outcomes[name]}) + "\n")
-                file.flush()
-    lived = [mutant for mutant in sample if not outcomes[_name(mutant)]]
+        for mutant, was_noticed in outcomes(todo, options.jobs):
+            known[_name(mutant)] = was_noticed
+            file.write(json.dumps({"mutant": _name(mutant), "noticed": was_noticed}) + "\n")
+            file.flush()
+    lived = [mutant for mutant in sample if not known[_name(mutant)]]
     for mutant in lived:
         print(mutant)
     print(

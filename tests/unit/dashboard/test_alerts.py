@@ -151,7 +151,7 @@ def test_who_does_not_serve_tells_nothing(database: Database, store: RunStore, c
 def test_what_happened_while_nobody_looked_is_told_and_the_past_is_not(
     database: Database, store: RunStore
 ) -> None:
-    """Another life of the dashboard tells what is new, once; not runs that failed long ago and were brought here."""
+    """Another life of the dashboard tells what is new, once; not of runs that failed long ago."""
     runs = [store.create(CONFIG, actor="a") for _ in range(2)]
     for run in runs:
         store.observe({run.id: {"state": "failed", "error": "x"}})

@@ -39,6 +39,20 @@ def test_every_run_for_itself_is_one_seed(client) -> None:
 
 
 @pytest.mark.usefixtures("repeated")
+def test_of_too_many_lines_the_newest_are_drawn_and_all_are_counted(client, store) -> None:
+    body = {"filter": {}, "metrics": ["return_px"], "group_by": None}
+    newest = [row.id for row in store.find()][-5:]
+    answer = client.post("/api/v1/series/query", json=body | {"max_groups": 5}).json()
+    assert [curve["run_ids"] for curve in answer["series"]] == [[run] for run in newest]
+    assert answer["groups"] == 14
+    assert client.post("/api/v1/series/query", json=body | {"max_groups": 0}).status_code == 422
+    for _ in range(100):
+        store.create(RunConfig.for_task("reaching"), actor="test")
+    answer = client.post("/api/v1/series/query", json=body).json()
+    assert (len(answer["series"]), answer["groups"]) == (100, 114)
+
+
+@pytest.mark.usefixtures("repeated")
 def test_a_cell_of_the_heat_map_counts_seeds(client) -> None:
     (cell,) = client.get("/api/v1/heatmap?x=alpha&y=task").json()["cells"]
     three = np.array(list(RETURNS.values()))

@@ -11,6 +11,7 @@ import pytest
 import yaml
 
 from bpn_certificates import command as certificates
+from bpn_certificates import enrolment, invitations
 from bpn_dashboard.options import argument_parser
 from bpn_shared import version
 from bpn_shared.bus import router
@@ -81,6 +82,8 @@ def test_compose_tags_images_with_it() -> None:
     [
         ("bpn-router", router.main),
         ("bpn-certificates", certificates.main),
+        ("bpn-enrolment", enrolment.main),
+        ("bpn-invite", invitations.main),
         ("bpn-dashboard", argument_parser().parse_args),
         ("bpn-robot-sim", worker_parser("robot_sim", None).parse_args),
     ],

@@ -8,7 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from bpn_edge.fpga import verilated
+from bpn_edge.fpga import sources, verilated
+from bpn_edge.fpga.build import Build
 from bpn_edge.fpga.mapped import MappedCore
 from bpn_edge.fpga.serial import SerialCore, Tty
 from bpn_edge.fpga.transport import Transport
@@ -60,6 +61,27 @@ def test_models_that_nobody_used_for_long_are_removed(tmp_path: Path) -> None:
         ".making-now",
         *(f"{number}.so" for number in range(8, 40)),
     }
+
+
+def test_a_model_that_is_there_needs_no_tools(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As in a container, where it is mounted, and may not be touched."""
+    monkeypatch.setenv(verilated.CACHE, str(tmp_path))
+    monkeypatch.setattr(verilated.importlib.util, "find_spec", lambda _: None)
+    monkeypatch.setattr(verilated.shutil, "which", lambda _: None)
+    assert not verilated.is_possible()
+    with pytest.raises(ConfigError, match=r"needs a C\+\+ compiler"):
+        verilated.model_library(Build())
+    model = verilated._made_of(Build(), verilated.CORE, sources.folder())[1]
+    model.touch()
+
+    def refuse(*_: object, **__: object) -> None:
+        raise PermissionError
+
+    monkeypatch.setattr(Path, "touch", refuse)
+    assert verilated.is_possible()
+    assert verilated.model_library(Build()) == model
 
 
 def _leaves_none(make: Callable[[], Transport], path: str, *, closed: bool) -> None:

@@ -79,14 +79,15 @@ def told(
     mask=st.booleans(),
     offset=st.floats(-30, 30),
     dims=st.sampled_from([(ACTIONS,), (2, 3), (3, 2, 4)]),
+    iteration=st.integers(0, 49),
 )
 def test_targets_are_those_that_bpn_verify_computes(
     seed: int, lengths: list[int], algorithm: str, n: int, floor: float, relative: bool, mask: bool, offset: float,
-    dims: tuple[int, ...],
+    dims: tuple[int, ...], iteration: int,
 ) -> None:  # fmt: skip
     config = RunConfig.bare(
-        "gym:Some-v0", algorithm=algorithm, n_step=n, gap_floor=floor, relative_targets=relative,
-        bootstrap_terminals=not mask, reward_scale=1.0, actions=sum(dims),
+        "gym:Some-v0", algorithm=algorithm, beta_run_final_factor=4, n_step=n, gap_floor=floor,
+        relative_targets=relative, bootstrap_terminals=not mask, reward_scale=1.0, actions=sum(dims),
         action_dims=format_dims(dims if len(dims) > 1 else ()),
     )  # fmt: skip
     offset = offset if relative else 0.0
@@ -96,7 +97,8 @@ def test_targets_are_those_that_bpn_verify_computes(
         table[D.frames[which[:, 0], 0, 0, 0].long()]
         for which in (D.observations, D.next_observations)
     )
-    y, c = targets(D, P, P_next, UpdateConfig.of_iteration(config, 0), offset, dims=dims)
+    settings = UpdateConfig.of_iteration(config, iteration)
+    y, c = targets(D, P, P_next, settings, offset, dims=dims)
     played = [
         Played(
             torch.from_numpy(e.frames), torch.from_numpy(e.actions.reshape(len(e.rewards), -1)),
@@ -104,7 +106,9 @@ def test_targets_are_those_that_bpn_verify_computes(
         )
         for e in data
     ]  # fmt: skip
-    verified = verified_targets(config, played, cast(Policy, Known(table)), offset)
+    verified = verified_targets(
+        config, iteration, played, cast(Policy, Known(table)), offset=offset, reward_scale=1.0
+    )
     torch.testing.assert_close(y, verified.y, rtol=1e-5, atol=1e-4)
     assert c == pytest.approx(verified.offset, abs=1e-3)
 

@@ -152,5 +152,5 @@ def test_an_update_learns_which_choice_is_best_in_each_dimension(
     optimizer = make_optimizer(network, 3e-3)
     report = policy_update(network, optimizer, D, settings, np.random.default_rng(0))
     assert report.loss_last < report.loss_first
-    P = preferences(network, D.gather(D.observations[:1]))[0]
+    P = preferences(network, [D.gather(D.observations[:1])])[0]
     assert [int(part.argmax()) for part in torch.split(P, dims)] == [2, 3]

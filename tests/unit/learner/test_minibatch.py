@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 
+import numpy as np
 import pytest
 import torch
 from geometries import geometries, shapes
@@ -213,6 +214,34 @@ def test_fast_is_the_kernel_and_plain_is_autograd(
     assert isinstance(fast, float)
     assert isinstance(plain, Tensor)
     assert fast == pytest.approx(float(plain), rel=1e-5)
+
+
+@pytest.mark.parametrize("make", [binary_network, float_network])
+@settings(max_examples=15, derandomize=True, deadline=None)
+@given(spec=geometries(range(1, 17), 40, 20) | shapes(), seed=st.integers(0, 1000))
+def test_black_pictures_and_parts_of_them_change_no_gradient(
+    make: Callable[[NetworkSpec, int], BinaryNetwork | FloatNetwork],
+    spec: NetworkSpec,
+    seed: int,
+) -> None:
+    pixels, actions, y = data(spec, seed)
+    rng = np.random.default_rng(seed)
+    for picture in pixels:
+        top, left = rng.integers(0, spec.image_px, 2)
+        height, width = rng.integers(0, spec.image_px, 2)  # 0: all of it is black
+        kept = picture[top : top + height, left : left + width].clone()
+        picture.zero_()
+        picture[top : top + height, left : left + width] = kept
+    network, batch = make(spec, seed), torch.arange(TRANSITIONS)
+    plain = named_gradients(network, autograd_gradients(network, pixels, actions, y), batch)
+    exact = exact_gradients(network, pixels, actions, y, batch)
+    near = margin if isinstance(network, BinaryNetwork) else float_margin
+    assume(near(network, pixels[batch]) > 2e-6)  # type: ignore[arg-type]
+    for path in PATHS:
+        found = named_gradients(network, native(network, pixels, actions, y, path), batch)
+        for name, gradient in exact.items():
+            rounding = distance(plain[name], gradient)
+            assert distance(found[name], gradient) < 2e-5 + 4 * rounding, (path, name)
 
 
 @settings(max_examples=20, derandomize=True)

@@ -3,6 +3,7 @@
 //   - no frame begins with, and no frame in flight uses, a bank that is not wholly verified;
 //   - a bank that a frame in flight uses, or that is selected, is not written;
 //   - a frame keeps its bank to its end;
+//   - what is kept of a frame counts for the next one only if that frame was whole, and is of the same bank with the same set;
 //   - a set counts as verified only by its CRC, in its last word;
 //   - at most two frames are in flight.
 //
@@ -35,8 +36,11 @@ module banks_and_flight (
   logic newest_stacked, oldest_alone;
   logic [bpn::G_STACKED-1:0] oldest_geometry;
 
-  // As bpn_frame_gate and bpn_schedule do: a frame begins only so, and only a frame in flight ends.
-  wire start = begin_frame && selected != '0 && !full;
+  // As bpn_frame_gate and bpn_schedule do: a frame begins only so, after the pixels of the one before, and only a frame in
+  // flight ends.
+  logic in_frame;
+  wire start = begin_frame && selected != '0 && !full && !in_frame;
+  wire ends = pixels_end && in_frame;
   wire finish = finish_frame && active;
 
   bpn_loader u_loader (
@@ -49,7 +53,7 @@ module banks_and_flight (
       .load_crc(crc), .select, .select_banks, .select_refused, .valid, .selected, .geometries, .epochs, .crcs
   );
   bpn_flight u_flight (
-      .clk, .rst_n, .start, .start_bank(selected[1]), .start_geometry, .forget(select), .end_of_pixels(pixels_end),
+      .clk, .rst_n, .start, .start_bank(selected[1]), .start_geometry, .forget(select), .end_of_pixels(ends),
       .end_misaligned(misaligned), .finish, .full, .in_use, .newest, .newest_bank, .active, .oldest, .oldest_bank,
       .oldest_misaligned, .newest_stacked, .oldest_alone, .oldest_geometry
   );
@@ -57,6 +61,7 @@ module banks_and_flight (
   // Connected by prove.py.
   (* keep *) wire [2:0] loader_state;
   (* keep *) wire [1:0] flight_count;
+  (* keep *) wire flight_kept, flight_keeps;
   (* keep *) wire loader_taken, loader_last;
   (* keep *) wire [31:0] loader_word;
 
@@ -69,6 +74,15 @@ module banks_and_flight (
     shadow_oldest <= oldest_bank;
     was_active <= active && rst_n;
     was_finish <= finish;
+  end
+
+  // Of the frame that began last: whether its pixels were whole, and whether its bank's set is another one since.
+  logic was_whole, was_replaced;
+  always_ff @(posedge clk) begin
+    if (start) was_replaced <= 1'b0;
+    else if (begun && begun_bank == shadow_bank) was_replaced <= 1'b1;
+    if (ends) was_whole <= !misaligned;
+    in_frame <= rst_n && (start || (in_frame && !ends));
   end
 
   // Whether the word before was the last one, and the CRC's.
@@ -97,6 +111,8 @@ module banks_and_flight (
       assert (full == (flight_count == 2'd2));
       assert (active || oldest != newest);
       assert (!active || full == (oldest != newest));
+      assert (!flight_keeps || (selected[shadow_bank] && !was_replaced));
+      assert (!flight_kept || in_frame || (flight_keeps && was_whole));
       // What makes the proof inductive: beyond the sizes, the loader is at work on a bank that is open.
       if (loader_state >= 3'd2 && loader_state <= 3'd6) assert (open);
       if (open) assert ((loader_state >= 3'd2 && loader_state <= 3'd6) || verified || refused != '0);

@@ -48,6 +48,8 @@ PROPERTIES = {
             "loader_last": "u_loader.last",
             "loader_word": "u_loader.set_word",
             "flight_count": "u_flight.count",
+            "flight_kept": "u_flight.kept",
+            "flight_keeps": "u_flight.keeps",
         },
         ("bpn_crc32",),
     ),

@@ -9,6 +9,7 @@ import { LiveClient, type ConnectionStatus } from './live/client';
 import { Value } from './observable';
 import { Router } from './router';
 import { SessionKeeper } from './session';
+import type { StartRequest } from './start';
 import { exposeStats } from './stats';
 import { Theme } from './theme';
 import { Ticker } from './ticker';
@@ -27,6 +28,8 @@ export class App {
   readonly connection = new Value<ConnectionStatus | null>(null);
   readonly live = new LiveClient(liveUrl(), { onStatus: (status) => this.connection.set(status) });
   readonly ticker = new Ticker(() => this.live.clock.nowUnixS());
+  /** What is about to be started; null: nothing. */
+  readonly starting = new Value<StartRequest | null>(null);
   #schema: Promise<ConfigSchema> | null = null;
 
   constructor() {

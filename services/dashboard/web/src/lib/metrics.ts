@@ -155,6 +155,9 @@ const KNOWN: Metric[] = [
   { name: 'weights_version', title: 'Weights version', unit: '', about: 'policy updates done' },
 ];
 
+/** Those that are known by name: others are read from the runs. */
+export const METRIC_NAMES: readonly string[] = KNOWN.map((metric) => metric.name);
+
 const BY_NAME = new Map(KNOWN.map((metric) => [metric.name, metric]));
 
 const AFTER_RETURN = [

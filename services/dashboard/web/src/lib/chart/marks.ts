@@ -39,6 +39,7 @@ export function drawMarks(
   context.lineWidth = style.scale;
   context.font = style.font;
   context.textBaseline = 'top';
+  context.textAlign = 'left';
   let free = -Infinity;
   for (const { x, text } of marks) {
     const left = Math.round(at(x)) + 0.5;

@@ -1,7 +1,17 @@
 /** What somebody is about to start: texts of a form on one side, a request on the other. */
 
 import type { Config, ConfigSchema, ConfigValue } from '../api/types';
-import { concerns, fieldOf, parseValue, presetOf, textOf, wrongTask, type Field } from './form';
+import {
+  concerns,
+  familyOf,
+  fieldOf,
+  parseValue,
+  presetOf,
+  textOf,
+  wrongTask,
+  type Field,
+} from './form';
+import type { StartRequest } from '../start';
 import { MOST_RUNS, parseValues, runsOf, type Axis } from './sweep';
 
 export interface Draft {
@@ -50,6 +60,31 @@ export function draftOf(schema: ConfigSchema, config: Config): Draft {
     axes: [],
     seeds: '0-4',
   };
+}
+
+/** A draft as somebody asked for it to begin. */
+export function beginning(schema: ConfigSchema, request: StartRequest): Draft {
+  const draft = draftOf(schema, request.from ?? {});
+  return {
+    ...draft,
+    sweep: request.sweep ?? false,
+    axes: request.axes ?? [],
+    seeds: request.seeds ?? draft.seeds,
+  };
+}
+
+/** The configuration of a sweep's first run, or of the one run. */
+export function firstOf({ config, grid, seeds }: Reading): Config {
+  const point = Object.entries(grid).flatMap(([key, [value]]) =>
+    value === undefined ? [] : [[key, value] as const],
+  );
+  const [seed] = seeds;
+  return { ...config, ...Object.fromEntries(point), ...(seed === undefined ? {} : { seed }) };
+}
+
+/** Whether a robot worker would have to open its environment first: nothing to ask for at every key. */
+export function isUnseen(schema: ConfigSchema, config: Config): boolean {
+  return familyOf(schema, textOf(config.task)) !== null && !config.actions;
 }
 
 /** Reads a draft: a request as far as it is right, and what is wrong. */

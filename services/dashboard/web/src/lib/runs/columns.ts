@@ -2,7 +2,8 @@
 
 import type { Run } from '../api/types';
 import { bytes, configValue, integer, number, quantity, shortId } from '../format';
-import { returnOf } from '../metrics';
+import { columnTitle, higherIsBetter, readMetricColumn } from '../compare/columns';
+import { metricNamed, returnOf } from '../metrics';
 
 export type CellKind = 'name' | 'state' | 'progress' | 'number' | 'age' | 'tags' | 'sweep' | 'text';
 
@@ -102,6 +103,23 @@ export const COLUMNS: readonly Column[] = [
     text: (run) => bytes(run.disk_bytes),
     about: 'of its folder: episodes, weights, checkpoint, logs',
   },
+  {
+    key: 'error',
+    title: 'Why it failed',
+    kind: 'text',
+    sort: 'error',
+    descendingFirst: true,
+    text: (run) => run.error.trim().split('\n')[0] ?? '',
+  },
+  {
+    key: 'priority',
+    title: 'Priority',
+    kind: 'number',
+    sort: 'priority',
+    descendingFirst: true,
+    text: (run) => integer(run.priority),
+    about: 'of those that wait the highest is served first',
+  },
   { key: 'id', title: 'Id', kind: 'text', text: (run) => run.id },
 ];
 
@@ -123,12 +141,27 @@ const BY_KEY = new Map(COLUMNS.map((column) => [column.key, column]));
 /** A column by key; `config.alpha` is one for every configuration key. */
 export function columnOf(key: string): Column | null {
   const known = BY_KEY.get(key);
-  if (known || !key.startsWith('config.')) return known ?? null;
+  if (known) return known;
+  const metric = readMetricColumn(key);
+  if (metric) {
+    const { unit, about } = metricNamed(metric.metric);
+    return {
+      key,
+      title: columnTitle(key),
+      kind: 'number',
+      sort: key,
+      descendingFirst: higherIsBetter(metric.metric),
+      text: (run) => quantity(run.values?.[key], unit),
+      ...(about ? { about } : {}),
+    };
+  }
+  if (!key.startsWith('config.')) return null;
   const name = key.slice('config.'.length);
   return {
     key,
     title: name,
     kind: 'number',
+    sort: key,
     text: (run) => configValue(run.config[name]),
     about: `configuration: ${name}`,
   };

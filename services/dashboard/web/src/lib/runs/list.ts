@@ -77,7 +77,7 @@ export class RunList {
     }
     const before = state.rows[at];
     if (!before || (change.rev !== undefined && change.rev < before.rev)) return;
-    this.#set({ rows: state.rows.with(at, { ...before, ...change }) });
+    this.#set({ rows: state.rows.with(at, { ...before, ...change, values: before.values }) });
   }
 
   /** Takes runs out of the list that no longer belong to it, such as archived or removed ones. */

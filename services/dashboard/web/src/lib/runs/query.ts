@@ -50,18 +50,3 @@ export function nextSort(current: string, key: string, descendingFirst: boolean)
   if (current === first) return second;
   return current === second && key !== 'created_at' ? NEWEST_FIRST : first;
 }
-
-/** Splits `alpha=0.95 arm` of the search field into filters on configuration keys and words. */
-export function parseSearch(
-  text: string,
-  keys: ReadonlySet<string>,
-): { search: string; config: Record<string, string> } {
-  const config: Record<string, string> = {};
-  const words = text.split(/\s+/).filter((word) => {
-    const [key = '', value] = word.split('=', 2);
-    if (value === undefined || value === '' || !keys.has(key)) return true;
-    config[key] = value;
-    return false;
-  });
-  return { search: words.join(' '), config };
-}

@@ -6,7 +6,7 @@ import { columnOf, COLUMNS, DEFAULT_COLUMNS, nameOf } from './columns';
 import { countOf } from '../statistics';
 import { differingKeys, groupLabel, groupRuns } from './groups';
 import { PAGE_SIZE, RunList } from './list';
-import { filterOf, nextSort, parametersOf, parseSearch } from './query';
+import { filterOf, nextSort, parametersOf } from './query';
 import { toggled, toggledRange } from './selection';
 import { rowWindow } from './window';
 
@@ -55,7 +55,9 @@ function server(total: number) {
       queries.push(query);
       const from = Number(query.cursor ?? 0);
       const end = Math.min(from + (query.limit ?? 0), total);
-      const items = Array.from({ length: end - from }, (_, i) => aRun(from + i));
+      const items = Array.from({ length: end - from }, (_, i) =>
+        aRun(from + i, { values: { kept: from + i } }),
+      );
       return Promise.resolve({ items, next_cursor: end < total ? String(end) : null, total });
     },
   };
@@ -103,6 +105,8 @@ test('changes stay in their row; older ones and strangers do not enter', async (
   await settled(list);
   list.apply({ id: 'run-1', rev: 2, state: 'finished' });
   list.apply({ id: 'run-1', rev: 1, state: 'queued' });
+  list.apply({ id: 'run-2', rev: 3, values: {} });
+  expect(list.state.value.rows[2]?.values).toEqual({ kept: 2 }); // live news have none
   expect(list.state.value.rows.map((run) => run.state)).toEqual(['running', 'finished', 'running']);
   list.apply(aRun(9));
   list.apply(aRun(9));
@@ -199,14 +203,6 @@ test('a filter survives the trip through a URL', () => {
   expect(filterOf(new View())).toEqual({});
 });
 
-test('key=value in the search becomes a filter, other words stay', () => {
-  const keys = new Set(['alpha', 'hidden_units']);
-  expect(parseSearch('wide alpha=0.95  x=y hidden_units=', keys)).toEqual({
-    search: 'wide x=y hidden_units=',
-    config: { alpha: '0.95' },
-  });
-});
-
 test('a heading sorts one way, the other way, and back to the newest first', () => {
   expect(nextSort('-created_at', 'return_best', true)).toBe('-return_best');
   expect(nextSort('-return_best', 'return_best', true)).toBe('return_best');
@@ -228,6 +224,13 @@ test('every column says something, also of configuration keys', () => {
   expect(new Set(keys).size).toBe(keys.length);
   for (const key of DEFAULT_COLUMNS) expect(columnOf(key)).not.toBeNull();
   expect(columnOf('config.alpha')?.text(aRun(1))).toBe('0.9');
+  expect(columnOf('config.alpha')?.sort).toBe('config.alpha');
+  const loss = columnOf('metric.loss.mean_5');
+  expect(loss).toMatchObject({ title: 'Loss, mean of last 5', sort: 'metric.loss.mean_5' });
+  expect(loss?.text(aRun(1, { values: { 'metric.loss.mean_5': 0.25 } }))).toBe('0.25');
+  expect(loss?.text(aRun(1))).toBe('–');
+  expect(columnOf('metric.loss')).toBeNull();
+  expect(columnOf('error')?.text(aRun(1, { error: 'bad\nTraceback' }))).toBe('bad');
   expect(columnOf('nonsense')).toBeNull();
   expect(nameOf({ id: '01234567-89ab', name: '', task: 'pointing' })).toBe('pointing 567-89ab');
 });

@@ -251,7 +251,7 @@ export function parallelOf(
     const axis = axisOf(values, frame.bottom, frame.top);
     marks.push(
       line([[x, frame.top], [x, frame.bottom]], ink.muted),
-      label(x, 16, clipped(title, Math.max(step, 90) - 8), ink.text, { anchor: 'middle', bold: true, title }),
+      label(x, 16, clipped(title, Math.max(step, 90) - 8), ink.text, { anchor: titles.length === 1 ? 'middle' : anchors(i, titles.length), bold: true, title }),
     ); // prettier-ignore
     return { x, axis };
   });
