@@ -1,9 +1,9 @@
 """Runs of Algorithm 1 in one process, for questions that need many seeds: the product's parts without its bus.
 
 Equal seeds give the weights that `bpn train` gives. One line of JSON an iteration, one file a run; what is there
-already is not computed again. One thread a run:
+already is not computed again, and a run that was ended goes on where it was. One thread a run:
 
-    python bench/seeds.py reaching --seeds 7,8,9 --set lr_run_final_factor=0.02 --out build/seeds
+    python -m bench.seeds reaching --seeds 7,8,9 --set lr_run_final_factor=0.02 --out build/seeds
 """
 
 import argparse
@@ -17,6 +17,7 @@ from typing import Any
 
 import numpy as np
 
+from bench.interrupted import State
 from bpn_edge import kernel as kernels
 from bpn_edge.factored import JointSelector, epsilon_of_each, joint_selector
 from bpn_edge.policy import epsilon_greedy_action, softmax_action, softmax_weights
@@ -132,10 +133,16 @@ def reestimated(
 
 
 def iterations(
-    config: RunConfig, trials: int, levels: Sequence[str], adapt: str, last_trials: int
+    config: RunConfig,
+    trials: int,
+    levels: Sequence[str],
+    *,
+    adapt: str,
+    last_trials: int,
+    state: State,
 ) -> Iterator[dict[str, Any]]:
     """What each iteration came to, and at the end what the policy does under disturbances."""
-    for record, network, D in policies(config, trials):  # noqa: B007 - the last ones
+    for record, network, D in policies(config, trials, state):  # noqa: B007 - the last ones
         yield record
     for of_camera in levels:
         yield {"trained": True} | kept(config, network.export(), of_camera, last_trials)
@@ -146,19 +153,23 @@ def iterations(
 
 
 def policies(
-    config: RunConfig, trials: int = 0
+    config: RunConfig, trials: int = 0, state: State | None = None
 ) -> Iterator[tuple[dict[str, Any], PNetwork, list[EpisodeData]]]:
     """What each iteration came to, the network that its update left, and the update's D.
 
     Args:
         trials: greedy episodes before every update.
+        state: what it goes on from, and keeps for the next time.
     """
     network, optimizer = initial_policy(config)
     player = Player(config)
-    reward_scale = RewardScale(config)
     memory = ReplayMemory(config.replay_iterations, config.replay_transitions)
+    done, data_sets, found = state.load(network, optimizer) if state else (0, [], 0.0)
+    reward_scale = RewardScale(config, found)
+    for data_set in data_sets:
+        memory.add(data_set)
     player.load(network.export())
-    for i in range(config.iterations):
+    for i in range(done, config.iterations):
         start = time.process_time()
         player.entropies = []
         episodes = [
@@ -196,6 +207,20 @@ def policies(
             "cpu_s": round(time.process_time() - start, 2),
         }
         yield record, network, newest
+        if state and i + 1 < config.iterations:
+            remembered = len(newest) // config.episodes
+            state.save(
+                i + 1, network, optimizer, episodes,
+                remembered=remembered, reward_scale=reward_scale.found,
+            )  # fmt: skip
+
+
+def _is_before(line: str, record: dict[str, Any]) -> bool:
+    """Of an earlier attempt's lines, that it is of an iteration which is not made again."""
+    try:
+        return bool(json.loads(line)["iteration"] < record["iteration"])
+    except (ValueError, KeyError):  # cut off, or of what the policy did at the end
+        return False
 
 
 def value(text: str) -> Any:
@@ -230,14 +255,19 @@ def main(arguments: Sequence[str] | None = None) -> None:
         config = RunConfig.for_task(
             given.task, seed=seed, **{k: value(v) for k, v in changes.items()}
         )
-        part = path.with_suffix(".part")
+        part, state = path.with_suffix(".part"), State(path.with_suffix(".state"))
+        told = part.read_text().splitlines(keepends=True) if part.exists() else []
         with part.open("w") as lines:
             for record in iterations(
-                config, given.trials, given.levels, given.adapt, given.last_trials
-            ):
+                config, given.trials, given.levels,
+                adapt=given.adapt, last_trials=given.last_trials, state=state,
+            ):  # fmt: skip
+                lines.writelines(line for line in told if _is_before(line, record))
+                told = []
                 lines.write(json.dumps(record) + "\n")
                 lines.flush()
         part.rename(path)
+        state.forget()
         lines_of = [json.loads(line) for line in path.read_text().splitlines()]
         returns = [line["return"] for line in lines_of if "iteration" in line]
         print(

@@ -10,6 +10,8 @@ fi
 if timeout 20 docker compose version >/dev/null 2>&1; then
     docker compose config --quiet
     docker compose -f compose.yaml -f deploy/compose/official-router.yaml config --quiet
+    BPN_SERVER_NAMES=example docker compose -f compose.yaml -f deploy/compose/other-machines.yaml config --quiet
+    docker compose --project-directory . -f deploy/compose/machine.yaml config --quiet
     checked="compose accepts the files, but"
 fi
 cat >&2 <<END

@@ -41,6 +41,11 @@ def views(run: str) -> dict[str, str]:
         "compare": f"?page=compare&runs={run}",
         "compare, configuration": f"?page=compare&runs={run}&tab=configuration",
         "heat map": "?page=compare&task=reaching&tab=heatmap",
+        "results": "?page=compare&task=reaching&tab=results",
+        "scatter": "?page=compare&task=reaching&tab=scatter",
+        "parallel": "?page=compare&task=reaching&tab=parallel",
+        "queue": "?page=queue",
+        "runs, a wrong query": "?page=runs&query=alpha%3E",
         "system": "?page=system",
         "nowhere": "?page=nowhere",
         **{f"run, {tab}": f"?page=run&run={run}&tab={tab}" for tab in tabs},
@@ -65,8 +70,9 @@ def settle(page: Page) -> None:
 
 @pytest.mark.parametrize("theme", ["light", "dark"])
 def test_axe_finds_nothing(
-    sign_in: Callable[..., Page], dashboard: Any, finished: str, theme: str
+    sign_in: Callable[..., Page], dashboard: Any, watch: Any, finished: str, theme: str
 ) -> None:
+    watch.allow("422")  # the wrong query
     page = sign_in(color_scheme=theme)
     found = {}
     for name, query in views(finished).items():
@@ -97,8 +103,9 @@ WIDE = """[...document.querySelectorAll('body *:not(nav *)')]
 
 
 def test_no_page_is_wider_than_a_phone(
-    sign_in: Callable[..., Page], dashboard: Any, finished: str
+    sign_in: Callable[..., Page], dashboard: Any, watch: Any, finished: str
 ) -> None:
+    watch.allow("422")  # the wrong query
     page = sign_in(viewport={"width": 360, "height": 740})
     for name, query in views(finished).items():
         page.goto(dashboard.url + query)

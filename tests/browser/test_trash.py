@@ -30,6 +30,31 @@ def test_deleted_undone_deleted_and_restored(page: Page, dashboard: Any, watch: 
     assert dashboard.state(run) == "stopped"
 
 
+def test_old_runs_are_shown_before_they_go_and_come_back_together(
+    page: Page, dashboard: Any
+) -> None:
+    for name in ("old one", "old two"):
+        run = dashboard.start(name=name, iterations=50)
+        dashboard.ask("POST", f"/runs/{run}/stop")
+    before = {run["id"] for run in dashboard.runs()}
+    page.goto(f"{dashboard.url}?page=trash")
+    page.get_by_role("button", name="Old runs").click()
+    dialog = page.get_by_role("dialog", name="Move old runs to the trash")
+    dialog.get_by_label("Keep runs to which something happened").fill("1")
+    expect(dialog.get_by_text("No run is that old.")).to_be_visible()
+    dialog.get_by_label("Keep runs to which something happened").fill("")
+    dialog.get_by_label("Keep so many of the newest runs").fill("0")
+    expect(dialog.get_by_text("old one")).to_be_visible()
+    dialog.get_by_role("button", name="Move to the trash").click()
+    expect(page.get_by_text("moved to the trash")).to_be_visible()
+    assert not {run["id"] for run in dashboard.runs()} & {
+        r["id"] for r in dashboard.ask("GET", "/trash")["items"]
+    }
+    page.get_by_role("button", name="Undo").click()
+    expect(page.get_by_text("back from the trash")).to_be_visible()
+    assert {run["id"] for run in dashboard.runs()} == before
+
+
 def test_what_others_delete_leaves_the_list(page: Page, dashboard: Any) -> None:
     run = dashboard.start(name="deleted elsewhere", iterations=50)
     dashboard.ask("POST", f"/runs/{run}/stop")

@@ -2,6 +2,7 @@
 
 import json
 import os
+import random
 import signal
 import subprocess
 import sys
@@ -83,6 +84,43 @@ def test_every_service_may_die_in_the_middle_of_an_iteration(
     assert summary["episodes"] == CONFIG.iterations * CONFIG.episodes
     assert summary["weights_sha256"] == undisturbed
     assert folder.state().attempt == 2
+
+
+def test_router_edge_and_robot_may_die_at_any_moment(
+    undisturbed: str, tmp_path: Path, wait_for: Callable[..., None]
+) -> None:
+    """While frames and actions go past the router, and while they do not for a moment."""
+    folder = new_run(tmp_path, CONFIG)
+    started: list[Supervisor] = []
+    run = threading.Thread(target=run_to_end, args=(folder, started.append))
+    run.start()
+    wait_for(lambda: started, "the supervisor")
+    (supervisor,) = started
+    moments = random.Random(os.environ.get("BPN_TEST_SEED"))
+    victims = 2 * ["edge-0", "robot-0", "router"]
+    moments.shuffle(victims)
+    for number, name in enumerate(victims):
+        episodes = 30 * number + moments.randrange(1, 25)
+        wait_for(
+            lambda n=episodes: len(list(folder.path.glob("episodes/*.bpne"))) >= n,
+            f"{episodes} episodes",
+            120,
+        )
+        pid = supervisor.service(name).pid
+        assert pid is not None
+        os.kill(pid, signal.SIGKILL)
+        wait_for(
+            lambda name=name, pid=pid: supervisor.service(name).pid not in (pid, None),
+            f"{name} to be started again",
+        )
+    run.join(180)
+    assert not run.is_alive(), "the run did not come to its end"
+    summary = summarize(folder)
+    assert (summary["state"], summary["weights_sha256"]) == ("finished", undisturbed)
+    assert (summary["episodes_lost"], summary["episodes_duplicated"]) == (0, 0)
+    # each pair of robot and edge has found the shorter way: the first, and one after each death of either
+    found = (folder.logs / "edge-0.log").read_text().count("is reached past the router")
+    assert found >= 3
 
 
 def test_garbage_on_every_key_is_refused_counted_and_changes_nothing(

@@ -20,14 +20,20 @@ def address_of_this_machine() -> str:
 
 
 @pytest.fixture(scope="module")
-def center(start: Callable[..., Project]) -> Iterator[Project]:
-    """The loop without robots and edges, its bus published."""
+def published() -> Iterator[None]:
+    """What `.env` would say of a bus for other machines, and of no robots and edges here."""
     with pytest.MonkeyPatch.context() as patch:
         for variable in ("BPN_SERVER_NAMES", "BPN_BUS_ADDRESS"):
             patch.setenv(variable, address_of_this_machine())
         for variable in ("BPN_EDGES", "BPN_ROBOTS"):
             patch.setenv(variable, "0")
-        yield start("deploy/compose/other-machines.yaml")
+        yield
+
+
+@pytest.fixture(scope="module")
+def center(published: None, start: Callable[..., Project]) -> Project:  # noqa: ARG001 - it has to last longer
+    """The loop without robots and edges, its bus published."""
+    return start("deploy/compose/other-machines.yaml")
 
 
 @pytest.fixture
@@ -43,7 +49,6 @@ def machine() -> Iterator[Callable[[str], str]]:
             docker("compose", "-p", project, *MACHINE, "up", "-d")
             return docker("compose", "-p", project, *MACHINE, "ps", "-q", "machine").strip()
 
-        patch.setenv("BPN_TOKEN", "none")
         yield begin
         docker("compose", "-p", project, *MACHINE, "down", "-v", "-t", "10")
 

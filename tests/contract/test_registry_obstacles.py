@@ -110,11 +110,15 @@ def test_a_worker_of_another_protocol_is_refused_with_a_sentence(
     asked = LeaseRequest(role="edge", worker="edge-old")
     old = {"schema": 1} | asked.model_dump(include={"role", "worker", "label"})  # as it once was
     with pytest.raises(RefusedError, match="edge-old speaks protocol 1"):
-        request(edge.bus, keys.lease_request(), msgpack.packb(old), timeout_s=5.0)
+        request(edge.bus, keys.LEASE_REQUEST_OF_EARLIER, msgpack.packb(old), timeout_s=5.0)
     assert [worker.worker for worker in registry.running.refused()] == [edge.id, "edge-old"]
     newer = msgpack.packb({**msgpack.unpackb(asked.encode()), "schema": 99})
     with pytest.raises(RefusedError, match="schema 99, this program"):
         request(edge.bus, keys.lease_request(), newer, timeout_s=5.0)
+    for key in (keys.LEASE_REQUEST_OF_EARLIER, keys.lease_request("lab-b")):  # of this protocol
+        mine = asked.model_copy(update={"protocol": PROTOCOL}).encode()
+        with pytest.raises(RefusedError, match="edge-old is no worker of site"):
+            request(edge.bus, key, mine, timeout_s=5.0)
 
 
 @pytest.mark.usefixtures("impatient")
@@ -177,6 +181,7 @@ def test_a_run_that_stands_still_says_why_and_no_longer_when_it_goes_on(
 
     wait_for(lambda: reason() == "waits for a learner: 0 connected", "the reason of the first")
     learner = hire("learner")
+    registry.running.desk.settle()  # so that it is known, and has no place yet
     learner.ask()
     wait_for(lambda: reason(second) == "1 run before it", "the reason of the second")
     with pytest.raises(RefusedError):

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import pytest
 
-from bpn.bench import loop
+from bpn.bench import loop, yardsticks
 from bpn_shared.errors import InputError
 
 
@@ -17,12 +17,27 @@ def test_loop_and_yardsticks_are_measured_at_the_same_pace(
     monkeypatch.setitem(loop.PACES, pace, tiny)
     result = loop.run(pace=pace)
     assert (result["pace"], result["period_ms"], result["steps"]) == (pace, period_ms, 20)
-    for name in ("camera_to_action_us", "inference_us", *loop.YARDSTICKS):
+    for name in ("camera_to_action_us", loop.ROUTED, "inference_us", *loop.YARDSTICKS):
         assert 0 < result[name]["p50"] <= result[name]["p99"]
-    assert set(result["ratio_to"]) == set(loop.YARDSTICKS)
-    assert loop.met(result | {"targets": {}})
+    assert set(result["ratio_to"]) == {loop.ROUTED, *loop.YARDSTICKS}
+    assert set(result["targets"]) == set(loop.TARGETS) - ({"steps_per_s"} if period_ms else set())
     loop.show(result)
     assert f"{20} steps in 1 rounds" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(("changes", "met"), [
+    ({}, True),
+    ({"steps_per_s": 1499.0}, False),
+    ({"p99_to_p50": 2.1}, False),
+    ({"ratio_to": {loop.ROUTED: 0.51, "direct_echo_us": 1.0}}, False),
+    ({"ratio_to": {loop.ROUTED: 0.5, "direct_echo_us": 1.41}}, False),
+])  # fmt: skip
+def test_every_target_has_to_be_reached(changes: dict[str, object], met: bool) -> None:
+    reached = {
+        "targets": loop.TARGETS, "p99_to_p50": 2.0, "steps_per_s": 1500.0,
+        "ratio_to": {loop.ROUTED: 0.5, "direct_echo_us": 1.4},
+    }  # fmt: skip
+    assert loop.met(reached | changes) == met
 
 
 def test_a_tick_is_a_period_after_the_last_and_lost_ones_are_not_made_up_for(
@@ -34,9 +49,9 @@ def test_a_tick_is_a_period_after_the_last_and_lost_ones_are_not_made_up_for(
         slept_s.append(round(time_s, 6))
         now_s[0] += time_s
 
-    monkeypatch.setattr(loop.time, "monotonic", lambda: now_s[0])
-    monkeypatch.setattr(loop.time, "sleep", sleep)
-    wait: Callable[[], None] = loop._Ticks(0.1).wait
+    monkeypatch.setattr(yardsticks.time, "monotonic", lambda: now_s[0])
+    monkeypatch.setattr(yardsticks.time, "sleep", sleep)
+    wait: Callable[[], None] = yardsticks.Ticks(0.1).wait
     wait()
     now_s[0] += 0.03  # work
     wait()

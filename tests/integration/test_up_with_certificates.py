@@ -29,6 +29,7 @@ def test_a_worker_of_another_machine_takes_part(
         command(
             "up", "--runs-dir", str(runs), "--port", "0", "--edges", "0", "--first-run", "reaching",
             "--listen", f"tls/0.0.0.0:{port}", "--certificates", str(certificates),
+            "--enrolment-port", "0",
         ),
         stdout=subprocess.DEVNULL,
         stderr=subprocess.PIPE,

@@ -33,7 +33,7 @@ SPEC = NetworkSpec(
 )  # the pan-tilt task of the paper's section VI
 ROUNDS = 15
 EXACTNESS_CHECKS = 20
-TARGET_SPEEDUP = 5.0
+TARGET_SPEEDUP = 10.0
 _ROUND_NS = 20_000_000
 _CALLS = range(10, 2001)
 

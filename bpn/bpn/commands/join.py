@@ -85,7 +85,7 @@ def _supervise(supervisor: Supervisor, renewal: Renewal, stop: threading.Event) 
 
 
 def _machine(options: argparse.Namespace) -> Machine:
-    if options.token is None:
+    if not options.token:
         return Machine.load(options.state_dir)
     token = Token.parse(options.token)
     name = check_name(options.name or _own_name(), "--name")

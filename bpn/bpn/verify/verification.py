@@ -158,7 +158,8 @@ class Verification:
         data = update.targets()
         self._check_targets(update, data)
         binary = update.following.binary
-        reach = update.following.scale * config.network.hidden_units if binary else float("inf")
+        most = config.network.hidden_units * len(config.network.action_dims)
+        reach = update.following.scale * most if binary else float("inf")
         expected = float((data.y.abs() > reach).float().mean())
         found = record["saturation"]
         self.findings.compare("scale", f"{where}, saturation", found, expected, tolerance=1e-3)

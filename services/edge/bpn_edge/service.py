@@ -17,6 +17,7 @@ from bpn_shared import plugins
 from bpn_shared.bnn.weights import Weights
 from bpn_shared.bus.weights import WeightsSubscriber
 from bpn_shared.errors import InputError
+from bpn_shared.runtime.collector import Collector
 from bpn_shared.runtime.entry import run_slot_worker, slot_options, slot_parser
 from bpn_shared.runtime.faults import FaultReporter
 from bpn_shared.runtime.leased import Abilities
@@ -59,6 +60,7 @@ def serve(
     with (
         closing(DecisionFeed(worker)) as feed,
         RobotLink(worker, task, past_router=past_router) as link,
+        Collector() as collector,
     ):
         driver = EpisodeDriver(
             worker,
@@ -101,6 +103,7 @@ def serve(
             try:
                 choose = action_selector(config, assignment, memory.weights.scale)
                 episode = driver.play(assignment, choose, meanwhile=learner.deliver)
+                collector.collect()
                 # What a damaged bank played is no data: it is asked for, and played, again.
                 if episode is not None and memory.is_intact():
                     learner.take_in_hand(episode)

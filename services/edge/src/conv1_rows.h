@@ -1,5 +1,5 @@
-// Layer 1 of the paper's shape for instruction sets with vectors of 16 positions and 32 registers: nothing is copied, and
-// every pixel is loaded once for all outputs. Beside what forward.h lists, `Isa` needs
+// Layer 1 of the paper's shape for instruction sets with vectors of 16 positions and 32 registers: nothing is copied,
+// and every pixel is loaded once for all outputs. Beside what forward.h lists, `Isa` needs
 //
 //   kLanes = 16, kPixelOffset = 0
 //   Pixels load_tails(bytes)       the same 4 positions of four output rows
@@ -48,7 +48,9 @@ INLINE void conv1_vectors(const PixelLayer layer, const uint8_t* top, Load load,
 template <class Isa, int V>
 void conv1_rows(const PixelLayer layer, const uint8_t* observation, int y, uint8_t* out) {
   typename Isa::Sums bits[V] = {};
-  const auto load = [](const uint8_t* tap, int v) INLINE_LAMBDA { return Isa::load(tap + v * kConv1Stride * kImagePx); };
+  const auto load = [](const uint8_t* tap, int v) INLINE_LAMBDA {
+    return Isa::load(tap + v * kConv1Stride * kImagePx);
+  };
   conv1_vectors<Isa, V>(layer, observation + y * kConv1Stride * kImagePx, load, bits);
   for (int v = 0; v < V; ++v) Isa::store_bytes(out + (y + v) * kConv1Size, bits[v]);
 }

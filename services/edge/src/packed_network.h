@@ -17,7 +17,8 @@ struct SignMatrix {
   const int32_t* thresholds;
 };
 
-// A layer's activations, one byte each, from its bit map: [row][column][channel], without what fills a position's bytes.
+// A layer's activations, one byte each, from its bit map: [row][column][channel], without what fills a position's
+// bytes.
 void unpack_bits(const uint8_t* map, const LayerShape& shape, uint8_t* bits);
 
 // Room for what is read back: the same.

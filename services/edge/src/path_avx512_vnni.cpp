@@ -28,7 +28,8 @@ struct Avx512Vnni {
   static Signs broadcast(uint32_t tap) { return _mm512_set1_epi32(static_cast<int>(tap)); }
   static Partial begin(Sums sums) { return sums; }
   static Partial dot(Partial sums, Pixels x, Signs w) { return _mm512_dpbusd_epi32(sums, x, w); }
-  static void add_dot(Sums& sums, Pixels x, Signs w) {  // GCC copies the sums of the intrinsic, and runs out of registers
+  // GCC copies the sums of the intrinsic, and runs out of registers.
+  static void add_dot(Sums& sums, Pixels x, Signs w) {
     asm("vpdpbusd %2, %1, %0" : "+v"(sums) : "v"(x), "v"(w));
   }
   static Sums end(Sums, Partial sums) { return sums; }

@@ -1,4 +1,5 @@
-// Signs as bits (1: +1), and the outputs of layers whose inputs and weights are signs: o = inputs - 2 (differing bits), exact.
+// Signs as bits (1: +1), and the outputs of layers whose inputs and weights are signs: o = inputs - 2 (differing bits),
+// exact.
 #pragma once
 
 #include "geometry.h"

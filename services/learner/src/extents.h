@@ -33,7 +33,8 @@ inline Extent extent_of(const uint8_t* row, int bytes) {
 
 // Of every row of an image that conv1 reads.
 inline void take_extents(const Layer& conv1, const uint8_t* image, Extent* extents) {
-  for (int row = 0; row < conv1.in_rows(); ++row) extents[row] = extent_of(image + row * conv1.row_stride, conv1.row_stride);
+  for (int row = 0; row < conv1.in_rows(); ++row, image += conv1.row_stride)
+    extents[row] = extent_of(image, conv1.row_stride);
 }
 
 // Whether V vectors of pixels are black.

@@ -54,9 +54,9 @@ struct Extent {
   int begin, end;
 };
 
-// Scratch. For layer l: weights (binarized: their signs) [width][fan_in]; inputs x_l [image][position][channel] from layer 2 on; outputs o_l (binarized: normalized
-// by batch norm), and the gradient of o_l, both [image][position][width]; the gradient of the weights
-// [width][rows][padded run].
+// Scratch. For layer l: weights (binarized: their signs) [width][fan_in]; inputs x_l [image][position][channel] from layer
+// 2 on; outputs o_l (binarized: normalized by batch norm), and the gradient of o_l, both [image][position][width]; the
+// gradient of the weights [width][rows][padded run].
 struct Workspace {
   float* weights[kMaxLayers];
   float* inputs[kMaxLayers];

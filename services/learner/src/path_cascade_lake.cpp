@@ -1,5 +1,5 @@
-// AVX-512 with VNNI alone: Intel's Cascade Lake and Cooper Lake. The bits are those of path_avx512_vnni.cpp, which counts
-// differing bits in fewer instructions.
+// AVX-512 with VNNI alone: Intel's Cascade Lake and Cooper Lake. The bits are those of path_avx512_vnni.cpp, which
+// counts differing bits in fewer instructions.
 #include "float_gradients.h"
 #include "gradients.h"
 

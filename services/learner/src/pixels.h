@@ -77,18 +77,18 @@ struct Sums {
 };
 #endif
 
-// Eight outputs at so many neighbouring positions. A pointer to every third one, from which the next two are one and two
-// steps away, leaves room for all of them in registers. `extents` are those of the patch's rows, `first` is where in them it
-// begins.
+// Eight outputs at so many neighbouring positions. A pointer to every third one, from which the next two are one and
+// two steps away, leaves room for all of them in registers. `extents` are those of the patch's rows, `first` is where
+// in them it begins.
 template <int Columns>
 [[gnu::noinline]] void convolve_pixels_at(const Layer& l, const uint8_t* patch, const Extent* extents, int first,
                                           const int8_t* w, float* o) {
   constexpr int kPointers = (Columns + 2) / 3;
   const ptrdiff_t step = l.step_x, row_stride = l.row_stride;
   const int rows = l.rows, run = l.run;
-  Sums sums[Columns];
   const int groups = (run + kTogetherPixels - 1) / kTogetherPixels;
   const int end = first + static_cast<int>((Columns - 1) * step) + run;
+  Sums sums[Columns];
   for (int i = 0; i < rows; ++i, patch += row_stride) {
     if (first >= extents[i].end || end <= extents[i].begin) {
       w += groups * kTogetherPixels * kTogetherOutputs;
@@ -110,8 +110,9 @@ template <int Columns>
 // One of `parts` pieces of an image that is needed soon, and lies anywhere in D: beyond all caches.
 inline void fetch_ahead(const Layer& l, const uint8_t* image, int part, int parts) {
   constexpr int kCacheLine = 64;
+  const int begin = static_cast<int>(int64_t{l.image} * part / parts);
   const int end = static_cast<int>(int64_t{l.image} * (part + 1) / parts);
-  for (int i = static_cast<int>(int64_t{l.image} * part / parts); i < end; i += kCacheLine) __builtin_prefetch(image + i);
+  for (int i = begin; i < end; i += kCacheLine) __builtin_prefetch(image + i);
 }
 
 // `extents` are those of the image's rows. `next` is the image after this one, or null; it is fetched meanwhile.
@@ -126,7 +127,7 @@ inline void convolve_pixels(const Layer& l, const uint8_t* image, const Extent* 
         const uint8_t* patch = image + y * l.step_y + x * l.step_x;
         float* to = o + (y * l.size + x) * l.width + first;
         const bool many = l.size - x >= kColumns;
-        const Extent* own = extents + y * (l.step_y / l.row_stride);
+        const Extent* own = extents + y * l.stride();
         if (many) convolve_pixels_at<kColumns>(l, patch, own, x * l.step_x, signs, to);
         else convolve_pixels_at<1>(l, patch, own, x * l.step_x, signs, to);
         x += many ? kColumns : 1;

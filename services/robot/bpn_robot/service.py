@@ -31,6 +31,7 @@ from bpn_shared.messages.base import LONGEST_NS, MessageError
 from bpn_shared.messages.control import Reset, ResetReply
 from bpn_shared.messages.frame import NO_ACTION, NO_REWARD, FrameHeader, FrameKind
 from bpn_shared.messages.preview import PreviewHeader
+from bpn_shared.runtime.collector import Collector
 from bpn_shared.runtime.faults import FaultReporter
 from bpn_shared.runtime.worker import EXIT_FINISHED, Worker
 from bpn_shared.spec.config import RunConfig
@@ -86,19 +87,21 @@ class RobotService:
         self._step = 0
         """That is under way in this episode, 1..T; 0: the reset."""
         self._faults = FaultReporter(worker)
+        self._collector = Collector()
         self._resets = Responder(worker.bus, keys.reset(*place), self._on_reset, worker.counters)
 
     def run(self) -> None:
         """Serves until the worker is stopped."""
-        while not self._worker.stop.is_set():
-            reset = self._take_reset()
-            if reset is None:
-                self._commands.stop()
-                self._worker.waiting.set("an edge to begin an episode")
-                self._edge.take(_RESEND_S)
-                continue
-            self._worker.waiting.done()
-            self._play(reset)
+        with self._collector:
+            while not self._worker.stop.is_set():
+                reset = self._take_reset()
+                if reset is None:
+                    self._commands.stop()
+                    self._worker.waiting.set("an edge to begin an episode")
+                    self._edge.take(_RESEND_S)
+                    continue
+                self._worker.waiting.done()
+                self._play(reset)
 
     def _play(self, reset: Reset) -> None:
         """Plays an episode; one that the robot cannot play is told to the learner, and the robot goes on."""
@@ -277,6 +280,7 @@ class RobotService:
         while not self._ends_now():
             self._send(header, pixels)
             self._repeat = False
+            self._collector.collect()  # meanwhile the edge asks for another one
             self._edge.take(_RESEND_S)
 
     def _receive(

@@ -1,10 +1,12 @@
 """`python -m bpn_shared.bus.echo`: what a round trip over the bus costs, with nothing else in it.
 
-The yardsticks for the loop's camera-to-action latency: same bytes there and back, same router. Once as two
-streams whose receivers answer on the network thread, once as Zenoh's request and reply.
+The yardsticks for the loop's camera-to-action latency: same bytes there and back, through the same router or
+over a link of two sessions. Once as two streams whose receivers answer on the network thread, once as Zenoh's
+request and reply.
 """
 
 import argparse
+import json
 import threading
 import time
 from collections.abc import Callable
@@ -12,6 +14,7 @@ from collections.abc import Callable
 import zenoh
 
 from bpn_shared.bus.requests import Responder, request
+from bpn_shared.bus.router_config import bare
 from bpn_shared.bus.session import DEFAULT_ENDPOINT, Bus, prepare_process
 from bpn_shared.counters import Counters
 from bpn_shared.runtime.service import end_with_supervisor, set_up_logging, stop_on_signals
@@ -19,8 +22,8 @@ from bpn_shared.runtime.service import end_with_supervisor, set_up_logging, stop
 PING, PONG, REQUEST = "bpn/echo/ping", "bpn/echo/pong", "bpn/echo/request"
 
 
-def _publisher(bus: Bus, key: str) -> zenoh.Publisher:
-    return bus.zenoh.declare_publisher(
+def _publisher(session: zenoh.Session, key: str) -> zenoh.Publisher:
+    return session.declare_publisher(
         key,
         congestion_control=zenoh.CongestionControl.DROP,
         priority=zenoh.Priority.REAL_TIME,
@@ -28,20 +31,25 @@ def _publisher(bus: Bus, key: str) -> zenoh.Publisher:
 
 
 class Echo:
-    """Answers every ping and every request with `answer_bytes`."""
+    """Answers every ping that comes to a session with `answer_bytes`."""
 
-    def __init__(self, bus: Bus, answer_bytes: int) -> None:
+    def __init__(self, session: zenoh.Session, answer_bytes: int) -> None:
         answer = bytes(answer_bytes)
-        pong = _publisher(bus, PONG)
+        pong = _publisher(session, PONG)
 
         def receive(sample: zenoh.Sample) -> None:
             sample.payload.to_bytes()
             pong.put(answer)
 
-        self._subscriber = bus.zenoh.declare_subscriber(
+        self._subscriber = session.declare_subscriber(
             PING, zenoh.handlers.Callback(receive, indirect=False)
         )
-        self._responder = Responder(bus, REQUEST, lambda _body: answer, Counters())
+
+
+def _listening(endpoint: str) -> zenoh.Session:
+    """A session that others connect with there, without a router."""
+    config = bare() | {"mode": "peer", "listen": {"endpoints": [endpoint]}}
+    return zenoh.open(zenoh.Config.from_json5(json.dumps(config)))
 
 
 def request_times_us(
@@ -86,7 +94,7 @@ def round_trips_us(
     subscriber = bus.zenoh.declare_subscriber(
         PONG, zenoh.handlers.Callback(receive, indirect=False)
     )
-    ping = _publisher(bus, PING)
+    ping = _publisher(bus.zenoh, PING)
     payload = bytes(request_bytes)
     times_us = []
     for _ in range(count):
@@ -104,15 +112,26 @@ def round_trips_us(
 def main(argv: list[str] | None = None) -> int:
     """Answers pings until stopped."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--connect", default=DEFAULT_ENDPOINT)
+    parser.add_argument("--connect", default=DEFAULT_ENDPOINT, help="the router's endpoint")
+    parser.add_argument("--listen", metavar="ENDPOINT", help="be reached there, without a router")
     parser.add_argument("--answer-bytes", type=int, default=32)
     options = parser.parse_args(argv)
     set_up_logging("echo")
     prepare_process()
     stop = stop_on_signals()
     end_with_supervisor()
-    with Bus(options.connect, stop=stop) as bus:
-        echo = Echo(bus, options.answer_bytes)
+    if options.listen is not None:
+        with _listening(options.listen) as session:
+            echo = Echo(session, options.answer_bytes)
+            stop.wait()
+            del echo
+        return 0
+    answer = bytes(options.answer_bytes)
+    with (
+        Bus(options.connect, stop=stop) as bus,
+        Responder(bus, REQUEST, lambda _body: answer, Counters()),
+    ):
+        echo = Echo(bus.zenoh, options.answer_bytes)
         stop.wait()
         del echo
     return 0

@@ -24,7 +24,7 @@ class UpstreamLine:
         self._endpoint, self._files = endpoint, files
         self._backoff = Backoff(2.0, 60.0)
         self._said: str | None = ""
-        """Why it is not reached, as was said last; None: it is."""
+        """Why it is not reached, as was said last, as far as it was known; None: it is reached."""
         self._look_why_s = 0.0
 
     def look(self, session: zenoh.Session) -> None:
@@ -38,7 +38,8 @@ class UpstreamLine:
             self._backoff.reset()
         elif time.monotonic() >= self._look_why_s or self._said is None:
             self._look_why_s = time.monotonic() + self._backoff.next_s()
-            why = obstacle(self._endpoint, self._files) or "its reason is not known"
-            if why != self._said:
-                log.warning("the router at %s is not joined: %s", self._endpoint, why)
-            self._said = why
+            why = obstacle(self._endpoint, self._files)
+            if why != self._said and (why or self._said is None):  # one that answers is joined soon
+                reason = f": {why}" if why else ""
+                log.warning("the router at %s is not joined%s", self._endpoint, reason)
+                self._said = why

@@ -60,6 +60,16 @@ def test_every_path_equals_the_reference(
         assert_exact(kernel, blob, image)
 
 
+@settings(max_examples=30, deadline=None)
+@given(spec=specs)
+def test_a_network_takes_memory_by_its_size(spec: NetworkSpec) -> None:
+    blob = WeightBlob.random(spec, np.random.default_rng(0))
+    (kernel,) = (PATHS[path] for path in available_paths()[:1])
+    kernel.load(blob)
+    padding = 3072  # outputs in blocks of eight, conv1's signs in bytes
+    assert len(kernel.network.memory()) < 1.5 * len(blob.encode()) + padding
+
+
 @settings(max_examples=60, deadline=None)
 @given(spec=specs, seed=st.integers(0, 2**32), image_kind=images, tied_layer=st.integers(0, 3))
 def test_the_code_for_any_shape_runs_the_papers_too(

@@ -157,6 +157,9 @@ export class ApiClient {
   trash = {
     contents: (signal?: AbortSignal) =>
       this.get<{ items: t.RemovedRun[] }>('/trash', undefined, signal),
+    /** The runs that a rule would move there. */
+    outdated: (rule: { keep?: number; older_than_days?: number }) =>
+      this.post<{ items: t.TidiedRun[] }>('/runs/prune', { ...rule, dry_run: true }),
     /** For good. */
     delete: (id: string) => this.json<void>('DELETE', `/trash/${id}`),
     /** For good. */

@@ -19,6 +19,7 @@ export type RunPage = Omit<Schemas['RunPage'], 'items'> & { items: Run[] };
 export type BulkAction = Schemas['BulkAction']['action'];
 export type BulkResult = Schemas['BulkResult'];
 export type RemovedRun = Schemas['RemovedRun'];
+export type TidiedRun = Schemas['TidiedRun'];
 export type MetricNames = Schemas['MetricNames'];
 export type ConfigDiff = Schemas['ConfigDiff'];
 
