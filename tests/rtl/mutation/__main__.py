@@ -75,6 +75,8 @@ def main() -> int:
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--again", action="store_true", help="those that lived, with other tests")
     parser.add_argument("--where", type=Path, default=HERE.parents[1] / "build/rtl-mutants")
+    parser.add_argument("--report", action="store_true", help="only what is known of those tried")
+    parser.add_argument("--out", type=Path, help="a JSON file with that")
     options = parser.parse_args()
     files, original = model.rtl(), sources.folder()
     mutants = [mutant for file in files for mutant in file.mutants()]
@@ -83,32 +85,39 @@ def main() -> int:
     digest = hashlib.sha256("".join(file.text for file in files).encode()).hexdigest()[:12]
     where = options.where.resolve() / f"{digest}-{options.seed}-{options.sample}"
     results = options.where.resolve() / f"{digest}-{options.seed}.jsonl"
-    model.write(files, sample, where / "rtl")
-    model.use(where / "rtl")
-    if os.waitpid(begin(0, lambda: True), 0)[1]:
-        print("the tests fail with the core as it is")
-        return 1
     lines = results.read_text().splitlines() if results.exists() else []
     known: dict[str, bool] = {row["mutant"]: row["noticed"] for row in map(json.loads, lines)}
-    todo = [
-        (mutant, number)
-        for mutant, number in sample.items()
-        if _name(mutant) not in known or (options.again and not known[_name(mutant)])
-    ]
-    with results.open("a") as file:
-        proofs = partial(model.is_proven, files=files, original=original)
-        for mutant, was_noticed in outcomes(todo, options.jobs, proofs):
-            known[_name(mutant)] = was_noticed
-            file.write(json.dumps({"mutant": _name(mutant), "noticed": was_noticed}) + "\n")
-            file.flush()
-    lived = [mutant for mutant in sample if not known[_name(mutant)]]
-    for mutant in lived:
-        print(mutant)
-    print(
-        f"{len(sample) - len(lived)} of {len(sample)} mutants noticed, of {len(mutants)} that there are "
-        f"({1 - len(lived) / len(sample):.1%})"
+    if not options.report:
+        model.write(files, sample, where / "rtl")
+        model.use(where / "rtl")
+        if os.waitpid(begin(0, lambda: True), 0)[1]:
+            print("the tests fail with the core as it is")
+            return 1
+        todo = [
+            (mutant, number)
+            for mutant, number in sample.items()
+            if _name(mutant) not in known or (options.again and not known[_name(mutant)])
+        ]
+        with results.open("a") as file:
+            proofs = partial(model.is_proven, files=files, original=original)
+            for mutant, was_noticed in outcomes(todo, options.jobs, proofs):
+                known[_name(mutant)] = was_noticed
+                file.write(json.dumps({"mutant": _name(mutant), "noticed": was_noticed}) + "\n")
+                file.flush()
+    _report(
+        [mutant for mutant in sample if _name(mutant) in known], known, len(mutants), options.out
     )
     return 0
+
+
+def _report(tried: list[Mutant], known: dict[str, bool], of: int, out: Path | None) -> None:
+    lived = [str(mutant) for mutant in tried if not known[_name(mutant)]]
+    print(*lived, sep="\n")
+    noticed = len(tried) - len(lived)
+    print(f"{noticed} of {len(tried)} mutants noticed, of {of} that there are")
+    if out:
+        found = {"of": of, "tried": len(tried), "noticed": noticed, "lived": lived}
+        out.write_text(json.dumps(found, indent=1) + "\n")
 
 
 def _name(mutant: Mutant) -> str:
