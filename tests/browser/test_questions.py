@@ -113,7 +113,7 @@ def test_runs_are_found_tagged_and_the_view_is_saved(
     columns.get_by_label("Metric").select_option("length")
     columns.get_by_role("button", name="Add").click()
     page.keyboard.press("Escape")
-    page.get_by_role("button", name="Episode length, mean of last 5").click()
+    page.get_by_role("button", name="Episode length, mean of last 5", exact=True).click()
     expect(
         table.get_by_role("columnheader", name="Episode length, mean of last 5")
     ).to_have_attribute("aria-sort", re.compile("ending"))
