@@ -54,7 +54,7 @@ def arm() -> TaskSpec:
         success_reward=-REACHING_TARGET_RADIUS_PX,
         preset={
             "steps": 20,
-            "iterations": 40,
+            "iterations": 60,
             "episodes": 20,
             "max_updates": 400,
             "hidden_units": 256,

@@ -274,7 +274,7 @@ def test_episodes_are_listed_and_played(client, run) -> None:
     assert client.get(f"{run.url}/episodes/0/1/frames").status_code == 422
 
 
-def test_an_action_of_several_dimensions_is_one_number(client, store, context) -> None:
+def test_an_action_of_several_dimensions_is_one_number(client, store) -> None:
     config = RunConfig.for_task("arm", hidden_units=8)
     folder = store.folder(store.create(config, actor="test").id)
     weights = WeightBlob.random(config.network, np.random.default_rng(0))
