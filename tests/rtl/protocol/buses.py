@@ -50,5 +50,6 @@ def test_scenario(scenario: str, tmp_path: Path) -> None:
         capture_output=True,
         text=True,
         check=False,
+        timeout=900,
     )
     assert "PASS=1 FAIL=0" in done.stdout, done.stdout[-4000:] + done.stderr[-2000:]

@@ -14,9 +14,11 @@ SPEC = NetworkSpec(1, 5, 3)
 ONE, OTHER = (WeightBlob.random(SPEC, np.random.default_rng(seed)) for seed in (1, 2))
 IMAGE = np.random.default_rng(3).integers(0, 256, SPEC.observation_shape, dtype=np.uint8)
 RESULT = 1
+LIMIT = {"timeout_time": 5, "timeout_unit": "ms"}
+"""Of simulated time: several times what the longest scenario takes."""
 
 
-@cocotb.test()
+@cocotb.test(**LIMIT)
 async def every_access_is_answered_once(dut: Any) -> None:
     """Writes and reads beside each other, address and data in any order, answers taken late."""
     bench = Bench(dut, seed=1, gaps=0.5)
@@ -46,7 +48,7 @@ async def every_access_is_answered_once(dut: Any) -> None:
     assert not dut.s_axi_rvalid.value
 
 
-@cocotb.test()
+@cocotb.test(**LIMIT)
 async def a_write_waits_for_both_of_its_parts(dut: Any) -> None:
     """Address long before data, data long before address, and the next write's parts before this one's answer."""
     bench = Bench(dut)
@@ -67,7 +69,7 @@ async def a_write_waits_for_both_of_its_parts(dut: Any) -> None:
     assert await bench.read(registers.INTERRUPT) == 0x55
 
 
-@cocotb.test()
+@cocotb.test(**LIMIT)
 async def gaps_and_back_pressure_change_nothing(dut: Any) -> None:
     """Sets and frames with gaps, while registers are asked: the same outputs, and both streams to their end."""
     for seed, gaps in enumerate((0.0, 0.3, 0.8)):
@@ -86,7 +88,7 @@ async def gaps_and_back_pressure_change_nothing(dut: Any) -> None:
         assert await bench.read(registers.FRAMES) == 1
 
 
-@cocotb.test()
+@cocotb.test(**LIMIT)
 async def a_stream_is_not_taken_where_nothing_may_be(dut: Any) -> None:
     """No bank is selected: pixels wait, whatever is offered, and none is lost once one is."""
     bench = Bench(dut)
@@ -103,7 +105,7 @@ async def a_stream_is_not_taken_where_nothing_may_be(dut: Any) -> None:
     await bench.expect(ONE, IMAGE, 3)
 
 
-@cocotb.test()
+@cocotb.test(**LIMIT)
 async def writes_while_busy_are_refused_or_wait(dut: Any) -> None:
     """While a set is half there: its bank is not to be had, its memories neither; the frame beside it is right."""
     bench = Bench(dut, seed=4)
@@ -126,7 +128,7 @@ async def writes_while_busy_are_refused_or_wait(dut: Any) -> None:
     assert await bench.write(registers.SELECT, 2) == OKAY
 
 
-@cocotb.test()
+@cocotb.test(**LIMIT)
 async def pushed_words_are_refused_while_there_is_no_room(dut: Any) -> None:
     """A set pushed by registers into a loader that waits for a frame: every refused word is pushed again."""
     bench = Bench(dut, seed=5)
@@ -153,7 +155,7 @@ async def pushed_words_are_refused_while_there_is_no_room(dut: Any) -> None:
     await bench.wait_for(registers.STATUS, 1)
 
 
-@cocotb.test()
+@cocotb.test(**LIMIT)
 async def events_are_not_lost_and_the_interrupt_follows_them(dut: Any) -> None:
     """Frames without a gap, events cleared all the time: as many results are seen as there are."""
     bench = Bench(dut, seed=6)
@@ -183,7 +185,7 @@ async def events_are_not_lost_and_the_interrupt_follows_them(dut: Any) -> None:
     assert seen == frames == await bench.read(registers.FRAMES)
 
 
-@cocotb.test()
+@cocotb.test(**LIMIT)
 async def a_reset_in_the_middle_of_everything(dut: Any) -> None:
     """Of loads, frames, writes and reads at once; afterwards the core holds nothing, and works."""
     bench = Bench(dut, seed=7, gaps=0.2)
