@@ -54,7 +54,7 @@ def test_an_episode_holds_what_the_policy_saw_said_and_did(
         for step, outputs in enumerate(episode.outputs):
             seen = stack(list(episode.frames), step, 3)
             np.testing.assert_array_equal(golden.forward(blob, seen)[-1], outputs)
-        numbers = step_uniforms(episode.meta.seed, STEPS)
+        numbers = [number for (number,) in step_uniforms(episode.meta.seed, STEPS)]
         for action, outputs, number in zip(
             episode.actions.tolist(), episode.outputs, numbers, strict=True
         ):

@@ -118,7 +118,13 @@ def main() -> int:
     table.add_row("all", *(f"{share[kind]:.1%}" for kind in KINDS))
     Console().print(table)
     if options.out:
-        options.out.write_text(json.dumps({"overall": share, "modules": result}, indent=1) + "\n")
+        rows = ",\n".join(
+            f"  {json.dumps(name)}: {json.dumps(row)}" for name, row in result.items()
+        )
+        options.out.write_text(
+            f'{{\n "command": "python -m tests.rtl.coverage",\n "overall": {json.dumps(share)},\n'
+            f' "modules": {{\n{rows}\n }}\n}}\n'
+        )
     return 0
 
 

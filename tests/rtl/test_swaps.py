@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from bpn_edge.fpga import packing, registers
-from bpn_edge.fpga.device import CONV1, ENGINE, THRESHOLDS
+from bpn_edge.fpga.device import CONV1, ENGINE, THRESHOLDS, Device
 from bpn_edge.fpga.simulated import SimulatedCore
+from bpn_shared.bnn import golden
 from bpn_shared.bnn.blob import WeightBlob
 from bpn_shared.spec.network import NetworkSpec
 from tests.rtl.core_stream import VERIFIED, CoreStream
@@ -102,3 +103,49 @@ def test_what_is_read_while_frames_run_is_right_and_so_are_the_frames(core: Simu
     stream.run(6000)
     stream.check()
     assert len(stream.answers) > 10
+
+
+@pytest.mark.parametrize("bank", [0, 1])
+def test_a_bank_that_the_newest_of_two_frames_needs_is_not_overwritten(
+    core: SimulatedCore, bank: int
+) -> None:
+    """While one frame is in the engine and the next one has begun."""
+    rng = np.random.default_rng(4)
+    image = rng.integers(0, 256, SPEC.observation_shape, dtype=np.uint8)
+    blob, other, third = (WeightBlob.random(SPEC, rng) for _ in range(3))
+    device = Device(core)
+    device.load(bank, blob)
+    device.load(1 - bank, other)
+    epoch = core.read(registers.BANK_EPOCH + 4 * bank)
+    core.write(registers.SELECT, 1 << bank)
+    beats = packing.beats(core.build, image)
+    for _ in range(2):
+        core.send_frame(beats)
+    while core.unsent()[0] > len(beats) - 8:
+        core.run(1)
+    core.write(registers.SELECT, 2 >> bank)
+    core.send_set(packing.weight_set(core.build, third, bank=bank, epoch=99))
+    core.run(6000)
+    assert core.read(registers.FRAMES) == 2
+    assert core.read(registers.RESULT_EPOCH) == epoch
+    found = [core.read(registers.OUTPUTS + 4 * i) for i in range(SPEC.actions)]
+    expected = golden.forward(blob, image)[-1]
+    assert np.array(found, np.uint32).view(np.int32).tolist() == expected.tolist()
+    assert core.read(registers.BANK_EPOCH + 4 * bank) == 99
+
+
+def test_a_bank_says_what_is_in_it(core: SimulatedCore) -> None:
+    rng = np.random.default_rng(6)
+    specs = NetworkSpec(3, 77, 19), NetworkSpec(5, 130, 64)
+    sets = [
+        packing.weight_set(core.build, WeightBlob.random(spec, rng), bank=bank, epoch=11 + bank)
+        for bank, spec in enumerate(specs)
+    ]
+    for words in sets:
+        core.send_set(words)
+        core.run(10_000)
+    for bank, spec in enumerate(specs):
+        assert core.read(registers.BANK_EPOCH + 4 * bank) == 11 + bank
+        assert core.read(registers.BANK_CRC + 4 * bank) == sets[bank][-1]
+        sizes = spec.channels | spec.actions << 8 | spec.hidden_units << 16
+        assert core.read(registers.BANK_SIZES + 4 * bank) == sizes

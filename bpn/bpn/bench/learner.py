@@ -39,6 +39,7 @@ _PEER_UPDATES = 80
 _DISC_PX = 5
 _PEER = "stable-baselines3 DQN"
 
+Frames = npt.NDArray[np.uint8]
 Rate = Callable[[], float]
 
 
@@ -55,16 +56,14 @@ def run(rounds: int = ROUNDS) -> dict[str, Any]:
     measured_on = machine()  # its load before the measurement adds its own
     torch.set_num_threads(1)
     with one_core():
-        D, drawn = _transitions(_noise), _transitions(_discs)
-        candidates: dict[str, Rate] = {
-            "bpn fast": _ours("binary", "native", D),
-            "bpn plain": _ours("binary", "torch", D),
-            "bpn fast, discs on black": _ours("binary", "native", drawn),
-            "bpn plain, discs on black": _ours("binary", "torch", drawn),
-            "bpn fast, float network": _ours("float", "native", D),
-            "bpn plain, float network": _ours("float", "torch", D),
-            _PEER: _peer(),
-        }
+        candidates: dict[str, Rate] = {}
+        kinds: tuple[tuple[str, NetworkKind], ...] = (("", "binary"), (", float network", "float"))
+        for of, kind in kinds:
+            for pictures, draw in (("", _noise), (", discs on black", _discs)):
+                D = _transitions(draw)
+                candidates[f"bpn fast{of}{pictures}"] = _ours(kind, "native", D)
+                candidates[f"bpn plain{of}{pictures}"] = _ours(kind, "torch", D)
+        candidates[_PEER] = _peer()
         measured = [{name: rate() for name, rate in candidates.items()} for _ in range(rounds)]
     results = {
         name: {
@@ -88,9 +87,6 @@ def run(rounds: int = ROUNDS) -> dict[str, Any]:
         "versions": {name: version(name) for name in ("numpy", "stable-baselines3", "torch")},
         "machine": measured_on,
     }
-
-
-Frames = npt.NDArray[np.uint8]
 
 
 def _noise(rng: np.random.Generator, shape: tuple[int, ...]) -> Frames:

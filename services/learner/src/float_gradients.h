@@ -62,9 +62,11 @@ inline void float_gradients(const Geometry& geometry, const Batch& batch, const 
 
   const Layer& conv1 = layers[0];
   for (int b = 0; b < B; ++b) {
-    take_extents(conv1, batch.pixels[b], work.extents + b * conv1.in_rows());
+    Extent* const extents = work.extents + b * conv1.in_rows();
+    take_extents(conv1, batch.pixels[b], extents);
     for (int k = 0; k < conv1.image; ++k) work.image[k] = batch.pixels[b][k];
-    convolve_floats(conv1, work.image, work.pixel_weights, work.outputs[0] + b * conv1.positions() * conv1.width);
+    convolve_floats(conv1, work.image, extents, work.pixel_weights,
+                    work.outputs[0] + b * conv1.positions() * conv1.width);
   }
   int first = 0;  // of the layer's biases
   for (int l = 0; l < last; first += layers[l].outputs, ++l) {

@@ -5,8 +5,7 @@
 #include <immintrin.h>
 #endif
 
-#include "geometry.h"
-#include "vectors.h"
+#include "extents.h"
 
 namespace bpn {
 namespace {
@@ -26,16 +25,24 @@ inline Floats repeated(const float* inputs) {
 #endif
 }
 
-// Eight outputs at so many neighbouring positions.
+// Eight outputs at so many neighbouring positions. `extents` are those of the patch's rows, `first` is where in them it
+// begins.
 template <int Columns>
-inline void convolve_floats_at(const Layer& l, const float* patch, const float* w, float* o) {
+inline void convolve_floats_at(const Layer& l, const float* patch, const Extent* extents, int first, const float* w,
+                               float* o) {
+  const int groups = (l.run + kTogether - 1) / kTogether, end = first + (Columns - 1) * l.step_x + l.run;
   Floats sums[Columns][kConv1Vectors] = {};
-  for (int i = 0; i < l.rows; ++i)
+  for (int i = 0; i < l.rows; ++i) {
+    if (first >= extents[i].end || end <= extents[i].begin) {
+      w += groups * kConv1Vectors * kLanes;
+      continue;
+    }
     for (int k = 0; k < l.run; k += kTogether, w += kConv1Vectors * kLanes)
       each<Columns>([&](auto c) INLINE_LAMBDA {
         const Floats inputs = repeated(patch + i * l.row_stride + c * l.step_x + k);
         each<kConv1Vectors>([&](auto v) INLINE_LAMBDA { sums[c][v] += inputs * load(w + v * kLanes); });
       });
+  }
   each<Columns>([&](auto c) INLINE_LAMBDA {
     float lanes[kConv1Vectors * kLanes];
     each<kConv1Vectors>([&](auto v) INLINE_LAMBDA { store(lanes + v * kLanes, sums[c][v]); });
@@ -47,7 +54,8 @@ inline void convolve_floats_at(const Layer& l, const float* patch, const float* 
   });
 }
 
-inline void convolve_floats(const Layer& l, const float* image, const float* pixel_weights, float* o) {
+inline void convolve_floats(const Layer& l, const float* image, const Extent* extents, const float* pixel_weights,
+                            float* o) {
   const int block = l.rows * ((l.run + kTogether - 1) / kTogether) * kTogether * kTogetherOutputs;
   for (int first = 0; first < l.width; first += kTogetherOutputs, pixel_weights += block)
     for (int y = 0; y < l.size; ++y)
@@ -55,8 +63,9 @@ inline void convolve_floats(const Layer& l, const float* image, const float* pix
         const float* patch = image + y * l.step_y + x * l.step_x;
         float* to = o + (y * l.size + x) * l.width + first;
         const bool many = l.size - x >= kFloatColumns;
-        if (many) convolve_floats_at<kFloatColumns>(l, patch, pixel_weights, to);
-        else convolve_floats_at<1>(l, patch, pixel_weights, to);
+        const Extent* own = extents + y * l.stride();
+        if (many) convolve_floats_at<kFloatColumns>(l, patch, own, x * l.step_x, pixel_weights, to);
+        else convolve_floats_at<1>(l, patch, own, x * l.step_x, pixel_weights, to);
         x += many ? kFloatColumns : 1;
       }
 }

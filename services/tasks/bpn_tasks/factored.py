@@ -54,8 +54,12 @@ def arm() -> TaskSpec:
         success_reward=-REACHING_TARGET_RADIUS_PX,
         preset={
             "steps": 20,
+            "iterations": 60,
+            "episodes": 20,
+            "max_updates": 400,
             "hidden_units": 256,
-            "reward_scale": 0.1,
+            "reward_scale": 0.3,  # reaching's, about as many times as there are joints: entropies add up
+            "scale_initial": 0.1,  # outputs add up
             "relative_targets": True,
             "lr_run_final_factor": 0.05,
         },

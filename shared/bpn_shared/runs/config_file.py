@@ -19,7 +19,7 @@ from bpn_shared.spec.sections import ADDED, LEARNED, SECTIONS
 from bpn_shared.spec.tasks import TaskOptions
 from bpn_shared.version import VERSION, written_by
 
-SCHEMA = 4
+SCHEMA = 5
 
 _REMEDY = "put the file back as it was, or start a new run with the values that you want"
 _SHOWN = {"title", "plot", "preset"}

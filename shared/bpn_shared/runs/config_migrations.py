@@ -70,14 +70,13 @@ _BEFORE_SCHEMA_3: Values = {
 
 
 _BEFORE_SCHEMA_4: Values = {
-    "beta_run_final_factor": 1.0,
     "n_step": 1,
     "gap_floor": 0.0,
     "replay_transitions": 0,
     "max_updates": 0,
-    "augment": "",
     "disturb": "",
 }
+_BEFORE_SCHEMA_5: Values = {"beta_run_final_factor": 1.0, "augment": "", "action_dims": ""}
 """The same."""
 
 
@@ -114,7 +113,11 @@ def _from_3(values: Values) -> Values:
     return found
 
 
-MIGRATIONS: dict[int, Callable[[Values], Values]] = {1: _from_1, 2: _from_2, 3: _from_3}
+def _from_4(values: Values) -> Values:
+    return _BEFORE_SCHEMA_5 | values
+
+
+MIGRATIONS: dict[int, Callable[[Values], Values]] = {1: _from_1, 2: _from_2, 3: _from_3, 4: _from_4}
 """From a schema's values to those of the next one; each raises InputError where they cannot be."""
 
 

@@ -2,6 +2,9 @@
 
 import os
 import shutil
+import subprocess
+import sys
+import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -62,3 +65,15 @@ def use(where: Path) -> None:
     device._TIMEOUT_S = _TIMEOUT_S
     for build in BUILDS:
         simulated.model_library(build)
+
+
+def is_proven(mutant: Mutant, files: list[Source], original: Path) -> bool:
+    """Whether the proofs hold with it, of which most modules have none."""
+    with tempfile.TemporaryDirectory() as made:
+        rtl = Path(made) / "rtl"
+        shutil.copytree(original, rtl)
+        code = next(file.code for file in files if file.name == mutant.file)
+        mutated = code[: mutant.begin] + (mutant.after or ";") + code[mutant.end :]
+        (rtl / mutant.file).write_text(mutated)
+        command = [sys.executable, original / "formal/prove.py", rtl]
+        return subprocess.run(command, capture_output=True, check=False).returncode == 0

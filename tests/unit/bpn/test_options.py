@@ -12,6 +12,7 @@ from bpn.options import add_run_options, common_defaults
 from bpn_shared.spec.config import OPTIONS, RunConfig
 
 ANY_GYM = "gym:Anything-v0"
+FOUND_OUT = {"actions", "action_dims"}
 NAMED = [*TASKS, "gym:CartPole-v1", ANY_GYM]
 
 
@@ -35,7 +36,7 @@ def test_help_of_a_task_tells_what_its_runs_get(task: str) -> None:
     shown = told(["--seed", "3", task])
     assert set(shown) == set(OPTIONS) - {"task"}
     for name in shown:
-        if name == "actions" and task == ANY_GYM:
+        if name in FOUND_OUT and task == ANY_GYM:
             assert shown[name] == "found out"
         else:
             value = getattr(config_of(task), name)
@@ -46,10 +47,10 @@ def test_help_without_a_task_tells_only_what_holds_for_all() -> None:
     shown = told([])
     for name in set(OPTIONS) - {"task"}:
         values = {str(getattr(config_of(task), name)) or "none" for task in NAMED}
-        if name == "actions":
+        if name in FOUND_OUT:
             values.add("found out")
         assert shown[name] == (values.pop() if len(values) == 1 else "by task")
-    assert shown["hidden_units"] == shown["relative_targets"] == "by task"
+    assert shown["hidden_units"] == shown["bootstrap_terminals"] == "by task"
     assert common_defaults()["seed"] == 0
 
 
@@ -61,10 +62,7 @@ def test_commands_show_them(command: list[str], capsys: pytest.CaptureFixture[st
     assert "hidden units, of FC(N) (≥ 1, ≤ 1024); default 256 for reaching" in said
 
 
-def test_docs_say_for_which_tasks_targets_are_relative() -> None:
+def test_docs_say_that_targets_are_relative_in_all_presets() -> None:
     page = (Path(__file__).parents[3] / "docs/algorithms/README.md").read_text()
-    claim = re.search(r"`relative_targets`.*; on for (.*), off for other `gym:` tasks", page)
-    assert claim is not None
-    named = set(re.findall("`([^`]+)`", claim.group(1)))
-    assert named == {task for task in NAMED if config_of(task).relative_targets}
-    assert named == {*TASKS, "gym:CartPole-v1"}
+    assert re.search(r"`relative_targets` .*; on in all presets \|", page)
+    assert all(config_of(task).relative_targets for task in NAMED)

@@ -265,13 +265,37 @@ def test_episodes_are_listed_and_played(client, run) -> None:
     assert shown["preferences"] == (stored.outputs * 0.5).tolist()
     assert shown["rewards"] == [-4, -5, -6]
     assert shown["camera_to_action_us"] == [300.0, None, 400.0]
-    assert len(shown["action_names"]) == 14
+    assert (len(shown["action_names"]), shown["action_dims"]) == (14, [14])
     frames = client.get(f"{run.url}/episodes/0/1/frames")
     assert frames.headers["x-frames-shape"] == "4,1,84,84"
     assert frames.content == stored.frames.tobytes()
     assert client.get(f"{run.url}/episodes/0/7").status_code == 404
     run.folder.episode_path(0, 1).write_bytes(b"damaged")
     assert client.get(f"{run.url}/episodes/0/1/frames").status_code == 422
+
+
+def test_an_action_of_several_dimensions_is_one_number(client, store) -> None:
+    config = RunConfig.for_task("arm", hidden_units=8)
+    folder = store.folder(store.create(config, actor="test").id)
+    weights = WeightBlob.random(config.network, np.random.default_rng(0))
+    folder.weights_path(0).write_bytes(weights.encode())
+    choices = np.array([[0, 0, 0, 1], [3, 3, 3, 3], [6, 6, 6, 6]], np.uint8)
+    stored = Episode(
+        meta=EpisodeMeta(
+            iteration=0, episode=0, seed=1, slot=0, worker="edge-1", weights_attempt=0, weights_version=0,
+            terminated=False, deadline_misses=0, duration_ns=1,
+        ),
+        frames=np.zeros((4, 1, 84, 84), np.uint8),
+        actions=choices,
+        rewards=np.zeros(3),
+        outputs=np.zeros((3, 28), np.int32),
+        inference_ns=np.ones(3, np.uint32),
+        camera_to_action_ns=np.ones(3, np.uint32),
+    )  # fmt: skip
+    folder.episode_path(0, 0).write_bytes(stored.encode())
+    shown = client.get(f"/api/v1/runs/{folder.run}/episodes/0/0").json()
+    assert (shown["actions"], shown["action_dims"]) == ([1, 1200, 2400], [7, 7, 7, 7])
+    assert (len(shown["action_names"]), len(shown["outputs"][0])) == (28, 28)
 
 
 def test_action_names_say_what_the_robots_do() -> None:

@@ -42,6 +42,7 @@ def test_a_run_tells_its_task_and_its_returns_unit(client) -> None:
     run = create(client, config={"task": "tracking"})
     task = client.get(f"/api/v1/runs/{run['id']}/task").json()
     assert (task["name"], task["title"], len(task["action_names"])) == ("tracking", "Tracking", 7)
+    assert task["action_dims"] == [7]
     assert task["selection"] == "softmax"
     assert task["preset"]["steps"] == 40
     assert run["summary"]["returns"]["metric"] == "return_px"

@@ -23,7 +23,7 @@ pytestmark = pytest.mark.timeout(60)  # a pipe that blocks is a failure
 SECRET = "stolen"
 FILES = (
     "config.json", "state.json", "about.json", "metrics.jsonl", "rewards.jsonl",
-    "checkpoint.safetensors", "logs/learner.log", "weights/000000.bpnw",
+    "environment.jsonl", "checkpoint.safetensors", "logs/learner.log", "weights/000000.bpnw",
     "exports/policy.onnx", "episodes/000000-00000.bpne",
 )  # fmt: skip
 FOLDERS = ("logs", "weights", "exports", "episodes")
@@ -54,6 +54,8 @@ def fill(folder: RunFolder, word: str) -> None:
         "metrics.jsonl": b'{"iteration": 0, "%s": 1, "return_px": %s}\n'
         % (word.encode(), return_px),
         "rewards.jsonl": b'{"iteration": 0, "rewards_px": [[%s, %s]]}\n' % (return_px, return_px),
+        "environment.jsonl": b'{"attempt": 1, "worker": "%s", "time_unix_s": 1.0}\n'
+        % word.encode(),
         "checkpoint.safetensors": word.encode(),
         "logs/learner.log": line.encode(),
         "weights/000000.bpnw": blob.encode(),
@@ -87,7 +89,7 @@ def routes(run_id: str) -> list[str]:
         "onnx.policy",
     )  # fmt: skip
     return [
-        "/api/v1/runs", run, f"{run}/artefacts", f"{run}/logs", f"{run}/episodes",
+        "/api/v1/runs", run, f"{run}/artefacts", f"{run}/logs", f"{run}/episodes", f"{run}/environment",
         f"{run}/episodes?iteration=0", f"{run}/episodes/0/0", f"{run}/episodes/0/0/frames",
         f"/api/v1/series/export?run={run_id}&metrics=return_px",
         *(f"/api/v1/artefacts/{run_id}.{artefact}" for artefact in artefacts),

@@ -38,6 +38,7 @@ def test_it_says_who_wrote_it() -> None:
     (1, next(GOLDEN.glob("schema-1/*/config.json"))),
     (2, GOLDEN / "config-2.json"),
     (3, GOLDEN / "config-3.json"),
+    (4, GOLDEN / "config-4.json"),
 ])  # fmt: skip
 def test_every_schema_is_read_for_ever(schema: int, path: Path) -> None:
     data = path.read_bytes()
