@@ -130,8 +130,9 @@ def test_the_session_that_tells_of_it_may_end_and_it_goes_on(
     robot.end.close()
 
 
+@pytest.mark.usefixtures("edge")
 def test_a_robot_that_begins_is_no_edge_of_the_others(
-    open_bus: OpenBus, robot: Robot, edge: Edge, wait_for: WaitFor, caplog: pytest.LogCaptureFixture
+    open_bus: OpenBus, robot: Robot, wait_for: WaitFor, caplog: pytest.LogCaptureFixture
 ) -> None:
     """It looks whose sockets are left over; what was sent to a robot's edge is not sent again for that."""
     caplog.set_level("INFO")
