@@ -137,15 +137,17 @@ def test_a_frame_of_another_length_has_no_result(core: SimulatedCore, count: int
 def test_reset_in_the_middle_of_anything(core: SimulatedCore) -> None:
     """Whatever it was doing, afterwards it holds nothing, and works."""
     rng = np.random.default_rng(0)
-    for _ in range(25):
+    for turn in range(50):
         device = Device(core)
         device.load(0, ONE)
+        outputs(device, 0, ONE)
         core.write(registers.SELECT, 1)
         core.send_frame(BEATS)
         core.send_frame(BEATS)
         core.run(int(rng.integers(0, 2500)))
-        core.send_set(packing.weight_set(Build(), OTHER, bank=1, epoch=9))
-        core.run(int(rng.integers(0, 700)))
+        if turn % 2:
+            core.send_set(packing.weight_set(Build(), OTHER, bank=1, epoch=9))
+            core.run(int(rng.integers(0, 700)))
         core.forget_unsent()
         core.reset()
         assert core.read(registers.STATUS) == 0
