@@ -59,6 +59,7 @@ def main() -> None:
         newcomer(visit, started_s)
         pictures_of_a_run(visit)
         pictures_of_many(visit)
+        first_comparison(visit)
         chromium.close()
 
 
@@ -209,6 +210,20 @@ def pictures_of_many(visit: Visit) -> None:
     visit.open(f"?page=compare&sweep_id={sweep}&tab=heatmap&hx=alpha&hy=hidden_units")
     expect(page.get_by_role("region", name="Heat map")).to_be_visible()
     visit.take("heatmap")
+
+
+def first_comparison(visit: Visit) -> None:
+    """From the first page to a conclusion of six runs, two values by three seeds, without typing."""
+    page = visit.page
+    visit.open("?page=runs")
+    started_s = time.monotonic()
+    page.get_by_role("link", name="Compare", exact=True).click()
+    page.get_by_role("button", name="Start a small comparison").click()
+    page.get_by_role("button", name="Start 6 runs").click()
+    conclusion = page.get_by_role("status").filter(has_text="alpha=0.95")
+    expect(conclusion).to_contain_text("3 seeds each")
+    print(f"first page to a conclusion of 2 x 3 runs: {time.monotonic() - started_s:.1f} s")
+    visit.take("results")
 
 
 if __name__ == "__main__":

@@ -28,7 +28,7 @@ def test_compare_two_runs(page: Page, dashboard: Any, wait_for: Any) -> None:
     green = stroke.locator("path").get_attribute("stroke")
     shared = page.url
     page.get_by_role("navigation", name="Views").get_by_role("link", name="Configuration").click()
-    expect(page.get_by_role("row", name=re.compile("^seed"))).to_contain_text("7")
+    expect(page.get_by_role("row", name=re.compile("other seed"))).to_contain_text("7")
     page.goto(shared)  # a link shows what was shown, in the colours that were chosen
     expect(stroke.locator("path")).to_have_attribute("stroke", str(green))
     expect(figure.get_by_role("button", name=re.compile("^other seed"))).to_be_visible()

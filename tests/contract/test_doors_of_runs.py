@@ -55,7 +55,7 @@ WRONG: list[tuple[str, Values, str]] = [
     ("reaching", {"kernel": "onnx"}, "kernel = 'onnx' does not run the network of 'bpn'"),
     ("reaching", {"actions": 3}, "actions = 3: task 'reaching' has 14; leave it out"),
     ("reaching", {"algorithm": "dpp", "alpha": 0.5}, "alpha = 0.5: algorithm 'dpp' has alpha = 1"),
-    ("gym:Pendulum-v1", {}, "only discrete ones can be learned"),
+    ("gym:Pendulum-v1", {"action_bins": 1}, "has 1 actions, a policy has 2..64"),
     ("gym:CartPole-v1", {"env_kwargs": "{"}, "no JSON"),
     ("gym:CartPole-v1", {"env_kwargs": '{"length": 3}'}, "unexpected keyword argument 'length'"),
     ("gym:CartPole-v1", {"env_wrappers": "a:b:c"}, "must be MODULE:CLASS"),

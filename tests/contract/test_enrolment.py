@@ -125,6 +125,25 @@ def test_who_has_another_authority_than_the_tokens_is_told_nothing(
         other.close()
 
 
+@pytest.mark.parametrize("told", [None, b"nothing of the kind"])
+def test_what_else_answers_at_an_address_of_the_tokens_keeps_nobody_from_the_next(
+    office: Office, tmp_path: Path, told: bytes | None
+) -> None:
+    """An address may be another machine's too, as those of containers are."""
+    make(tmp_path / "other", days=10, server_names=["127.0.0.2"])
+    with EnrolmentServer(("127.0.0.2", office.port), tmp_path / "other", 7447) as other:
+        if told is not None:
+            other.office.authority_pem = lambda: told  # type: ignore[method-assign]
+        threading.Thread(target=other.serve_forever, args=(0.05,), daemon=True).start()
+        try:
+            token = office.token()._replace(hosts=("127.0.0.2", "localhost"))
+            assert join(token, "pi-7", tmp_path / "pi").host == "localhost"
+            alone = office.token()._replace(hosts=("127.0.0.2",))
+            assert "127.0.0.2 " in refusal(lambda: join(alone, "pi-8", tmp_path / "pi-8"))
+        finally:
+            other.shutdown()
+
+
 def test_wrong_expired_and_revoked_tokens_are_refused_in_one_line(
     office: Office, tmp_path: Path
 ) -> None:

@@ -130,6 +130,21 @@ def test_the_session_that_tells_of_it_may_end_and_it_goes_on(
     robot.end.close()
 
 
+@pytest.mark.usefixtures("edge")
+def test_a_robot_that_begins_is_no_edge_of_the_others(
+    open_bus: OpenBus, robot: Robot, wait_for: WaitFor, caplog: pytest.LogCaptureFixture
+) -> None:
+    """It looks whose sockets are left over; what was sent to a robot's edge is not sent again for that."""
+    caplog.set_level("INFO")
+    wait_for(lambda: reached(robot), "the edge to be connected")
+    others = [Robot(open_bus()) for _ in range(3)]
+    wait_for(lambda: all(map(reached, others)), "the edge to be connected with all")
+    assert robot.lost == 0
+    for other in others:
+        other.end.close()
+    assert caplog.text.count("an edge of this machine is reached") <= 4
+
+
 def test_an_end_that_reads_nothing_costs_no_time_and_is_told(
     robot: Robot, wait_for: WaitFor
 ) -> None:

@@ -227,7 +227,7 @@ def test_eval_plays_the_runs_policy(
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["train", "flying"], "task = 'flying': unknown; one of: gym:"),
+        (["train", "flying"], "task = 'flying': unknown; one of: arm, gym:"),
         (
             ["train", "reaching", "--alpha", "2"],
             "alpha = '2': Input should be less than or equal to 1",

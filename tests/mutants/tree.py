@@ -29,6 +29,11 @@ LIBRARIES = (
 _PASSED, _FAILED, _COLLECTED_BADLY = 0, 1, 2
 _NOT_IMPORTED = "Error while loading conftest"
 _UNBOUNDED_S = 1e6
+_SITECUSTOMIZE = """
+# What is installed as editable, with compiled code, is found before PYTHONPATH: not here.
+import sys
+sys.meta_path[:] = [f for f in sys.meta_path if not type(f).__module__.startswith("_editable_")]
+"""
 
 Outcome = Literal["passed", "failed", "deadline", "timeout", "endless"]
 """deadline: a test failed since what it waited for did not happen in time; timeout: the tests did not end in time;
@@ -59,6 +64,7 @@ class Tree:
     ) -> None:
         self.path, self._libraries = path, libraries
         shutil.copytree(source, path, ignore=_ignored, dirs_exist_ok=True)
+        (path / "sitecustomize.py").write_text(_SITECUSTOMIZE)
         self._warm: subprocess.Popen[str] | None = None
 
     def close(self) -> None:

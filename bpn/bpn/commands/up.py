@@ -119,8 +119,13 @@ def _certificates(options: argparse.Namespace) -> Path | None:
     listen: str | None = options.listen
     given: Path | None = options.certificates
     if listen is None:
-        for name, value in (("--certificates", given), ("--server-name", options.server_name)):
-            if value:
+        of_network = {
+            "--certificates": given,
+            "--server-name": options.server_name,
+            "--enrolment-port": options.enrolment_port,
+        }
+        for name, value in of_network.items():
+            if value not in (None, []):
                 raise InputError(f"{name} is for a router that others reach: add --listen")
         return None
     if given is None and not listen.startswith("tls/"):
@@ -138,9 +143,18 @@ def _certificates(options: argparse.Namespace) -> Path | None:
 
 
 def _enrolment_port(options: argparse.Namespace, certificates: Path | None) -> int | None:
-    """Where machines are admitted; None where none can be: the authority's key is elsewhere."""
+    """Where machines are admitted; None where none can be: the authority's key is elsewhere.
+
+    Raises:
+        InputError: it is no port, is taken, or is asked for in vain.
+    """
     router = network(options.listen or "")
     if certificates is None or router is None or not router.port or not can_sign(certificates):
+        if options.enrolment_port is not None:
+            raise InputError(
+                "--enrolment-port: nobody can be admitted here, for which --listen tls/HOST:PORT and the "
+                "authority's key in the folder of certificates are needed"
+            )
         return None
     port = router.port + 1 if options.enrolment_port is None else options.enrolment_port
     return _port(port, "--enrolment-port")

@@ -12,6 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from bpn.plotting import colour, entitle, new_figure, reference
+from bpn.reproduce.caption import caption
 from bpn.reproduce.definition import Context, Document, Scope, Target
 from bpn.reproduce.markdown import mean_and_range
 from bpn.reproduce.markdown import table as markdown_table
@@ -81,7 +82,7 @@ def draw(document: Document) -> Figure:
         f"mean of the last {LAST} of {result['iterations']} exact iterations; "
         f"line: mean of {seeds} seeds of the error; band: lowest to highest"
     )
-    entitle(figure, document["title"], of=how, legend=[row[0]])
+    entitle(figure, document["title"], of=caption(document, how), legend=[row[0]])
     return figure
 
 

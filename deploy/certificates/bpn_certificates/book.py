@@ -51,6 +51,10 @@ class Invitation(_Record):
     key_sha256: str = ""
     """Of the public key that it was used for."""
 
+    def is_open(self, now_unix_s: float) -> bool:
+        """Whether it can still be used."""
+        return self.used_unix_s is None and self.ends_unix_s >= now_unix_s
+
 
 class Machine(_Record):
     """One that has joined, or has been removed since."""
@@ -111,14 +115,13 @@ class Book:
             site: where it will be; None: the machine is a site of its own.
 
         Raises:
-            InputError: there are too many, or the name is taken.
+            InputError: too many are open, or the name is taken.
         """
         secret = secrets.token_bytes(SECRET_BYTES)
         with self._changed() as content:
             if machine is not None:
                 self._check_free(content, machine, InputError)
-            if len(content.invitations) >= MAX_INVITATIONS:
-                raise InputError(f"there are {MAX_INVITATIONS} invitations: revoke some")
+            self._make_room(content)
             made = Invitation(
                 id=secrets.token_hex(4),
                 secret_sha256=digest(secret),
@@ -170,6 +173,15 @@ class Book:
         self.note("joined", invitation=invitation.id, machine=identity.common_name)
         return identity, certificate
 
+    def _make_room(self, content: _Content) -> None:
+        """Forgets the oldest of those that are good for nothing any more: only others can be revoked."""
+        now, over = self._now(), len(content.invitations) - MAX_INVITATIONS + 1
+        past = [one for one in content.invitations if not one.is_open(now)][: max(0, over)]
+        if len(past) < over:
+            raise InputError(f"{MAX_INVITATIONS} invitations are open: revoke some")
+        forgotten = {one.id for one in past}
+        content.invitations = [one for one in content.invitations if one.id not in forgotten]
+
     def revoke(self, invitation: str) -> None:
         """Ends an invitation that was not used.
 
@@ -186,11 +198,7 @@ class Book:
     def invitations(self) -> list[Invitation]:
         """Those that are open."""
         now = self._now()
-        return [
-            one
-            for one in self._read().invitations
-            if one.used_unix_s is None and one.ends_unix_s >= now
-        ]
+        return [one for one in self._read().invitations if one.is_open(now)]
 
     # Machines
 

@@ -9,6 +9,7 @@ import http.client
 import json
 import socket
 import ssl
+from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Any, NamedTuple, Self
@@ -27,6 +28,7 @@ from bpn_shared.runs.files import write_atomically
 
 _TIMEOUT_S = 10.0
 _MAX_ANSWER_BYTES = 64 * 1024
+_ELSEWHERE = "is no place to join: it answers otherwise"
 _FILE, _FOLDER, _NEW_KEY = "machine.json", "certificates", "new-key.pem"
 
 
@@ -91,7 +93,9 @@ class Machine(NamedTuple):
         body = {"request": signing_request(key).decode()}
         context = _trusting(self.files.authority.read_text())
         context.load_cert_chain(self.files.certificate, self.files.key)
-        answer = _ask(self.host, self.enrolment_port, RENEWALS_PATH, body, context)
+        answer = _ask(
+            self.host, self.enrolment_port, RENEWALS_PATH, body, context, told=("certificate",)
+        )
         write_atomically(self.files.certificate, answer["certificate"].encode(), mode=0o444)
 
 
@@ -108,20 +112,29 @@ def join(token: Token, name: str, state: Path) -> Machine:
         OSError: the folder cannot be written.
     """
     state.mkdir(mode=0o700, parents=True, exist_ok=True)
-    with suppress(InputError, ValueError, OSError):
+    with suppress(InputError, ValueError, TypeError, OSError):
         if _told(state).get("token_sha256") == digest(token.secret):
             return Machine.load(state)
-    key, reasons = _key(state), []
+    key = _key(state)
+    reasons: list[str] = []
+    is_other = False
     for host in token.hosts:
         try:
             authority = _authority(token, host)
-            context = _trusting(authority.decode())
-            body = {
-                "secret": base64.b64encode(token.secret).decode(),
-                "name": name,
-                "request": signing_request(key).decode(),
-            }
-            answer = _ask(host, token.port, MACHINES_PATH, body, context)
+        except (InputError, UnreachableError) as error:  # an address may be another machine's too
+            is_other |= isinstance(error, InputError)
+            reasons.append(str(error))
+            continue
+        body = {
+            "secret": base64.b64encode(token.secret).decode(),
+            "name": name,
+            "request": signing_request(key).decode(),
+        }
+        told = ("common_name", "certificate")
+        try:
+            answer = _ask(
+                host, token.port, MACHINES_PATH, body, _trusting(authority.decode()), told=told
+            )
         except UnreachableError as error:
             reasons.append(str(error))
             continue
@@ -131,17 +144,17 @@ def join(token: Token, name: str, state: Path) -> Machine:
                 f"{host} calls this machine {answer['common_name']!r}, which is no name"
             )
         _keep(state / _FOLDER, key, answer["certificate"].encode(), authority)
-        told = {
+        known = {
             "common_name": identity.common_name,
             "host": host,
             "router_port": int(answer["router_port"]),
             "enrolment_port": token.port,
             "token_sha256": digest(token.secret),
         }
-        write_atomically(state / _FILE, json.dumps(told, indent=1).encode(), mode=0o600)
+        write_atomically(state / _FILE, json.dumps(known, indent=1).encode(), mode=0o600)
         (state / _NEW_KEY).unlink()
         return Machine.load(state)
-    raise UnreachableError("; ".join(reasons))
+    raise (InputError if is_other else UnreachableError)("; ".join(reasons))
 
 
 def _told(state: Path) -> dict[str, Any]:
@@ -192,8 +205,13 @@ def _authority(token: Token, host: str) -> bytes:
     """The authority's certificate, if it is the token's."""
     anyone = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
     anyone.check_hostname, anyone.verify_mode = False, ssl.CERT_NONE
-    pem: bytes = _ask(host, token.port, AUTHORITY_PATH, None, anyone)["authority"].encode()
-    if fingerprint(certificates.load_pem_x509_certificate(pem)) != token.authority:
+    answer = _ask(host, token.port, AUTHORITY_PATH, None, anyone, told=("authority",))
+    pem: bytes = answer["authority"].encode()
+    try:
+        found = fingerprint(certificates.load_pem_x509_certificate(pem))
+    except ValueError as error:
+        raise InputError(f"{host} port {token.port} {_ELSEWHERE}") from error
+    if found != token.authority:
         raise InputError(
             f"who answers at {host} port {token.port} has another authority than the token's: nothing was sent"
         )
@@ -207,9 +225,15 @@ def _trusting(authority: str) -> ssl.SSLContext:
 
 
 def _ask(
-    host: str, port: int, path: str, body: dict[str, str] | None, context: ssl.SSLContext
+    host: str,
+    port: int,
+    path: str,
+    body: dict[str, str] | None,
+    context: ssl.SSLContext,
+    *,
+    told: Sequence[str],
 ) -> dict[str, Any]:
-    """The answer.
+    """The answer, which tells these texts.
 
     Raises:
         InputError: a refusal, with its reason.
@@ -222,12 +246,14 @@ def _ask(
         answer = connection.getresponse()
         content = json.loads(answer.read(_MAX_ANSWER_BYTES))
         refusal = content["error"] if answer.status >= http.client.BAD_REQUEST else None
+        if refusal is None and not all(isinstance(content[name], str) for name in told):
+            raise TypeError(path)
     except ssl.SSLCertVerificationError as error:
         raise InputError(f"{host} port {port} cannot be trusted: {error.verify_message}") from error
     except (socket.gaierror, OSError, http.client.HTTPException) as error:
         raise UnreachableError(f"{host} port {port}: {one_line(error)}") from error
     except (ValueError, KeyError, TypeError) as error:
-        raise InputError(f"{host} port {port} is no place to join: it answers otherwise") from error
+        raise InputError(f"{host} port {port} {_ELSEWHERE}") from error
     finally:
         connection.close()
     if refusal is not None:

@@ -1,12 +1,7 @@
 """What a robot is commanded: actions, hold where none came in time, and stop where nobody is to be obeyed."""
 
-import logging
-
 from bpn_robot.robot import Robot
 from bpn_shared.counters import Counters
-from bpn_shared.errors import one_line
-
-log = logging.getLogger(__name__)
 
 
 class Commands:
@@ -48,5 +43,4 @@ class Commands:
             self._robot.stop()
             self._stopped = True
         except Exception as error:
-            log.exception("the robot cannot be stopped")
-            self._counters.refuse("stops_failed", f"the robot cannot be stopped: {one_line(error)}")
+            self._counters.fault("stops_failed", "stopping the robot", error)

@@ -49,7 +49,9 @@ def choices_of(space: Any, task: str, bins: int) -> ActionChoices:
     elif isinstance(space, Box):
         found = _elements(space, _binned(space, task, bins or BINS), np.zeros(space.shape))
     else:
-        raise ConfigError(f"{task} has actions {space}: only discrete ones can be learned")
+        raise ConfigError(
+            f"{task} has actions {space}: Discrete, MultiDiscrete, MultiBinary and Box can be learned"
+        )
     for count in found.dims:
         if not 2 <= count <= MAX_ACTIONS:
             raise ConfigError(f"{task} has {count} actions, a policy has 2..{MAX_ACTIONS}")

@@ -134,3 +134,9 @@ def test_machines_are_listed_and_removed(tmp_path: Path, capsys: Said) -> None:
     assert main(["machines", "--remove", "pi-7", *where]) == 0
     assert capsys.readouterr().out == "removed router@lab-b.pi-7\n"
     assert "no machine 'pi-7'" in refusal(["machines", "--remove", "pi-7", *where], capsys)
+
+
+def test_a_port_for_machines_that_cannot_join_is_no_option(tmp_path: Path, capsys: Said) -> None:
+    words = ["up", "--runs-dir", str(tmp_path), "--enrolment-port", "0"]
+    assert "--enrolment-port is for a router that others reach" in refusal(words, capsys)
+    assert "nobody can be admitted here" in refusal([*words, "--listen", "tcp/127.0.0.1:0"], capsys)

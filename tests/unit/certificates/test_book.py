@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from bpn_certificates import book as book_module
 from bpn_certificates.book import Book, JoinRefusedError
 from bpn_certificates.folders import AUTHORITY_FOLDER, make
 from bpn_shared.bus.admitted import read_admitted
@@ -128,3 +129,20 @@ def test_a_second_router_is_told_of_the_machines_too(desk: Desk) -> None:
     make(desk.folder, days=1, server_names=["center.example"], router="center-2")
     desk.book.tell_routers()
     assert read_admitted(desk.folder / "center-2") == read_admitted(desk.folder / "router") != ()
+
+
+def test_invitations_that_are_over_keep_nobody_from_being_invited(
+    desk: Desk, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """`bpn up` makes one at every start; one that is over cannot be revoked."""
+    monkeypatch.setattr(book_module, "MAX_INVITATIONS", 3)
+    desk.redeem(desk.book.invite(None, None, LIFETIME_S))
+    for _ in range(5):
+        desk.book.invite(None, None, LIFETIME_S)
+        desk.now_s += LIFETIME_S + 1
+    for _ in range(3):
+        desk.book.invite(None, None, LIFETIME_S)
+    with pytest.raises(InputError, match="3 invitations are open: revoke some"):
+        desk.book.invite(None, None, LIFETIME_S)
+    desk.book.revoke(desk.book.invitations()[0].id)
+    assert desk.redeem(desk.book.invite(None, None, LIFETIME_S), "pi-8").machine == "pi-8"

@@ -68,7 +68,7 @@ def test_a_run_of_a_task_that_is_not_installed_here_shows(client, store) -> None
     refused = client.post("/api/v1/runs", json={"config": {"task": "juggling"}})
     assert refused.status_code == 422
     assert (
-        "task = 'juggling': unknown; one of: gym:[MODULE:]ENVIRONMENT-ID, pan_tilt"
+        "task = 'juggling': unknown; one of: arm, gym:[MODULE:]ENVIRONMENT-ID, pan_tilt"
         in refused.json()["detail"]
     )
 

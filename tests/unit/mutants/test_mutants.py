@@ -225,3 +225,20 @@ def test_things_are_tried_beside_each_other_each_in_a_copy_of_its_own() -> None:
     assert [item for _, item in found] == [*range(6)]
     for first in range(0, 6, 2):
         assert {id(tree) for tree, _ in found[first : first + 2]} == {*map(id, trees)}
+
+
+def test_the_copys_code_is_what_runs(tmp_path: Path) -> None:
+    """Also of packages with compiled code, whose editable installation is found before PYTHONPATH."""
+    source = tmp_path / "source"
+    packages = sorted({module.file.split("/bpn")[0] for module in modules().values()})
+    for package in packages:
+        ignore = shutil.ignore_patterns(
+            "node_modules", "build", "static", "web", "rtl", "__pycache__"
+        )
+        shutil.copytree(ROOT / package, source / package, ignore=ignore)
+    tree = Tree(tmp_path / "copy", source)
+    names = ("bpn_shared", "bpn_edge", "bpn_learner", "bpn_robot_sim", "bpn_dashboard")
+    shown = "; ".join(f"import {name}; print({name}.__file__)" for name in names)
+    status, output = tree.python(["-c", shown], 60)
+    assert status == 0
+    assert all(line.startswith(str(tree.path)) for line in output.splitlines()), output

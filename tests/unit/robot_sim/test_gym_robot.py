@@ -6,7 +6,7 @@ from typing import Any
 import gymnasium
 import numpy as np
 import pytest
-from gymnasium.spaces import Box, Discrete
+from gymnasium.spaces import Box, Discrete, Text
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from PIL import Image
@@ -46,7 +46,7 @@ class Blind(Corridor):
 
 
 class Steered(Corridor):
-    action_space = Box(-1, 1, (1,), np.float32)  # type: ignore[assignment]
+    action_space = Text(3)  # type: ignore[assignment]
 
 
 class Crowded(Corridor):
@@ -173,7 +173,7 @@ def test_a_frame_is_the_mean_of_what_each_pixel_covers(channels: int) -> None:
     ("task", "message"),
     [
         ("gym:bpn-test/Blind-v0", "there is nothing for the policy to see"),
-        ("gym:bpn-test/Steered-v0", "only discrete ones can be learned"),
+        ("gym:bpn-test/Steered-v0", "Discrete, MultiDiscrete, MultiBinary and Box can be learned"),
         ("gym:bpn-test/Crowded-v0", r"65 actions, a policy has 2\.\.64"),
         ("gym:bpn-test/Nowhere-v0", "cannot be made"),
         ("gym:no.such.module/Thing-v0", "cannot be made"),

@@ -81,7 +81,7 @@ def test_every_task_has_a_preset_and_observations_of_its_network(task: TaskSpec)
         (
             {"kernel": "rtl", "conv": "8x4x8,4x2x16"},
             "kernel = 'rtl' is a circuit of the paper's convolutions over 84 px, this run has "
-            "conv = '8x4x8,4x2x16' over 84 px: choose another kernel, or leave them out",
+            "conv = '8x4x8,4x2x16' over 84 px: choose another kernel, or leave it out",
         ),
         ({"frames_stacked": 4}, "frames_stacked = 4: task 'reaching' has 1; leave it out"),
         ({"frame_px": 64}, "frame_px = 64: task 'reaching' has 84; leave it out"),
