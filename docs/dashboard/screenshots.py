@@ -26,7 +26,7 @@ from typing import Any, Literal
 from PIL import Image
 from playwright.sync_api import Page, ViewportSize, expect, sync_playwright
 
-PICTURES = Path(__file__).resolve().parents[1] / "docs" / "dashboard"
+PICTURES = Path(__file__).resolve().parent
 NEWCOMER_S = 60.0
 DEADLINE_S, SWEEP_DEADLINE_S = 300.0, 1200.0
 SIZE_PX: ViewportSize = {"width": 1280, "height": 800}
