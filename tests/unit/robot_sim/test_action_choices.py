@@ -100,7 +100,11 @@ def test_without_a_number_of_bins_there_are_lowest_middle_and_highest() -> None:
         (Discrete(1), 0, "has 1 actions, a policy has 2..64"),
         (Discrete(3), 5, "which are discrete already: leave action_bins out"),
         (MultiDiscrete([3, 65]), 0, "has 65 actions"),
-        (Dict({"a": Discrete(2)}), 0, "Discrete, MultiDiscrete, MultiBinary and Box can be learned"),
+        (
+            Dict({"a": Discrete(2)}),
+            0,
+            "Discrete, MultiDiscrete, MultiBinary and Box can be learned",
+        ),
         (Text(5), 0, "Discrete, MultiDiscrete, MultiBinary and Box can be learned"),
     ],
 )
