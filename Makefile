@@ -143,9 +143,13 @@ test-rtl: $(DEV) ## the core's long suites: networks, swaps and gaps by the hund
 mutants: $(DEV) ## how many faults the tests notice, sampled and aimed ones (hours; goes on where it was; MUTANTS="--sample N --seed S")
 	$(BIN)/python -m tests.mutants $(MUTANTS)
 
-lint: $(DEV) check-claims ## ruff, mypy --strict, import-linter; prettier, svelte-check and vitest for the web UI; check-claims
+# The template of exported C is no C before it is filled in.
+NATIVE = $(shell git ls-files '*.c' '*.cpp' '*.h' ':!bpn/bpn/export/policy.c')
+
+lint: $(DEV) check-claims ## ruff, mypy --strict, import-linter, clang-format; prettier, svelte-check and vitest for the web UI; check-claims
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
+	$(BIN)/clang-format --dry-run -Werror $(NATIVE)
 	$(BIN)/mypy -p bpn_shared -p bpn_edge -p bpn_learner -p bpn_robot -p bpn_robot_sim -p bpn_tasks -p bpn_dashboard -p bpn_certificates -p bpn
 	$(BIN)/mypy bench checks docs/dashboard/screenshots.py docs/learning_picture.py
 	$(BIN)/lint-imports --no-logo
@@ -193,9 +197,10 @@ coverage: $(DEV) ## which lines unit and contract tests run, in htmlcov/
 version:         ## write the version of shared/pyproject.toml wherever it is repeated
 	$(PYTHON) -m checks.versions
 
-format: $(DEV) ## write code as ruff wants it
+format: $(DEV) ## write code as ruff, clang-format and prettier want it
 	$(BIN)/ruff check --fix .
 	$(BIN)/ruff format .
+	$(BIN)/clang-format -i $(NATIVE)
 	$(BIN)/python services/dashboard/hatch_build.py format
 
 bench: $(DEV) ## kernel, learner, loop and dashboard, side by side with what they are measured against

@@ -2,8 +2,8 @@
 //
 //   g++ -std=c++20 -O3 -march=native -ffp-contract=fast -mprefer-vector-width=512 -Wno-psabi \
 //       -I services/learner/src bench/learner_parts.cpp -o /tmp/learner_parts && /tmp/learner_parts
-#include <chrono>
 #include <algorithm>
+#include <chrono>
 #include <cstdio>
 #include <memory>
 #include <random>
@@ -68,7 +68,8 @@ void peak() {
 }  // namespace
 
 int main() {
-  const LayerShape tracking[] = {{84, 6, 8, 4, 8}, {20, 8, 4, 2, 16}, {9, 16, 3, 1, 16}, {7, 16, 7, 1, 100}, {1, 100, 1, 1, 7}};
+  const LayerShape tracking[] = {
+      {84, 6, 8, 4, 8}, {20, 8, 4, 2, 16}, {9, 16, 3, 1, 16}, {7, 16, 7, 1, 100}, {1, 100, 1, 1, 7}};
   const Geometry geometry(tracking, 5);
   const Layer* layers = geometry.layers;
   Workspace work{};
@@ -85,7 +86,8 @@ int main() {
     }
     work.outputs[l] = floats(values), work.gradients[l] = floats(values);
     work.weight_gradients[l] = floats(layer.width * layer.rows * padded(layer.run));
-    if (l < geometry.norms()) work.norm_scale[l] = floats(layer.width), work.gamma[l] = floats(layer.width), work.beta[l] = floats(layer.width);
+    if (l < geometry.norms())
+      work.norm_scale[l] = floats(layer.width), work.gamma[l] = floats(layer.width), work.beta[l] = floats(layer.width);
   }
   std::vector<int8_t> pixel_signs(layers[0].outputs * layers[0].fan_in(), 1);
   work.pixel_signs = pixel_signs.data();
@@ -106,12 +108,14 @@ int main() {
       for (int b = 0; b < kImages; ++b) take_extents(layers[0], images[b], work.extents + b * 84);
     });
     report("conv1 outputs", conv1, [&] {
-      for (int b = 0; b < kImages; ++b) convolve_pixels(layers[0], images[b], work.extents + b * 84, nullptr, work.pixel_signs, work.outputs[0] + b * stride);
+      for (int b = 0; b < kImages; ++b)
+        convolve_pixels(layers[0], images[b], work.extents + b * 84, nullptr, work.pixel_signs,
+                        work.outputs[0] + b * stride);
     });
     report("conv1 sign gradient", conv1, [&] {
       for (int b = 0; b < kImages; ++b)
-        add_weight_gradients(layers[0], 20, 20, layers[0].step_x, images[b], work.gradients[0] + b * stride, work.weight_gradients[0],
-                             work.extents + b * 84);
+        add_weight_gradients(layers[0], 20, 20, layers[0].step_x, images[b], work.gradients[0] + b * stride,
+                             work.weight_gradients[0], work.extents + b * 84);
     });
   };
   const auto report_whole = [&] {
@@ -127,23 +131,23 @@ int main() {
     const Layer& layer = layers[l];
     const double macs = double(kImages) * layer.positions() * layer.outputs * layer.fan_in();
     const auto part = [&](const char* what) { return std::string(names[l]) + what; };
-    report(part(" outputs").c_str(), macs, [&] {
-      count_outputs(layer, kImages, work.input_bits[l], work.sign_bits[l], work.outputs[l]);
-    });
-    report(part(" input gradient").c_str(), macs, [&] {
-      input_gradients(layer, kImages, work.gradients[l], work.weights[l], work.inputs[l]);
-    });
+    report(part(" outputs").c_str(), macs,
+           [&] { count_outputs(layer, kImages, work.input_bits[l], work.sign_bits[l], work.outputs[l]); });
+    report(part(" input gradient").c_str(), macs,
+           [&] { input_gradients(layer, kImages, work.gradients[l], work.weights[l], work.inputs[l]); });
     report(part(" sign gradient").c_str(), macs, [&] {
-      if (layer.connected) return add_weight_gradients(layer, 1, kImages, layer.image, work.inputs[l], work.gradients[l], work.weight_gradients[l]);
+      if (layer.connected)
+        return add_weight_gradients(layer, 1, kImages, layer.image, work.inputs[l], work.gradients[l],
+                                    work.weight_gradients[l]);
       for (int b = 0; b < kImages; ++b)
         add_weight_gradients(layer, layer.size, layer.size, layer.step_x, work.inputs[l] + b * layer.image,
-                           work.gradients[l] + b * layer.positions() * layer.width, work.weight_gradients[l]);
+                             work.gradients[l] + b * layer.positions() * layer.width, work.weight_gradients[l]);
     });
   }
   report("norms, forward", 0, [&] {
     for (int l = 0; l < geometry.norms(); ++l)
-      normalize(batch, layers[l], work.outputs[l], work.gamma[l], work.beta[l], work.norm_scale[l],
-                work.inputs[l + 1], work.input_bits[l + 1], layers[l + 1].bit_bytes());
+      normalize(batch, layers[l], work.outputs[l], work.gamma[l], work.beta[l], work.norm_scale[l], work.inputs[l + 1],
+                work.input_bits[l + 1], layers[l + 1].bit_bytes());
   });
   report("norms, backward", 0, [&] {
     for (int l = 0; l < geometry.norms(); ++l)
@@ -160,7 +164,8 @@ int main() {
   std::fill(pixels.begin(), pixels.end(), uint8_t{0});
   for (int image = 0; image < kTransitions; ++image)
     for (int disc = 0; disc < 2; ++disc) {
-      uint8_t* at = pixels.data() + size_t(image) * layers[0].image + generator() % 72 * layers[0].row_stride + generator() % 72 * 6;
+      uint8_t* at = pixels.data() + size_t(image) * layers[0].image + generator() % 72 * layers[0].row_stride +
+                    generator() % 72 * 6;
       for (int y = 0; y < 12; ++y) std::fill_n(at + y * layers[0].row_stride, 12 * 6, uint8_t{200});
     }
   report_conv1();

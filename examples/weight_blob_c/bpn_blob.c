@@ -13,11 +13,11 @@
 enum { MAX_LAYERS = 8, MAX_DIMS = 32, DIGEST = 32, MAX_FILE = 4 << 20 };
 
 typedef struct {
-  int s, c, k, d, m;        /* input size and channels, kernel, stride, outputs */
-  int t, n;                 /* output size; signs of one output */
+  int s, c, k, d, m; /* input size and channels, kernel, stride, outputs */
+  int t, n;          /* output size; signs of one output */
   const uint8_t *signs;
-  size_t row_bits;          /* from the first sign of an output to the first of the next, in bits */
-  const uint8_t *thresholds;  /* none of the last layer */
+  size_t row_bits;           /* from the first sign of an output to the first of the next, in bits */
+  const uint8_t *thresholds; /* none of the last layer */
 } Layer;
 
 typedef struct {
@@ -54,8 +54,8 @@ static void sha256_block(uint32_t h[8], const uint8_t *block) {
   for (i = 0; i < 64; ++i) {
     uint32_t one = v[7] + (rotated(v[4], 6) ^ rotated(v[4], 11) ^ rotated(v[4], 25)) +
                    ((v[4] & v[5]) ^ (~v[4] & v[6])) + K[i] + w[i];
-    uint32_t two = (rotated(v[0], 2) ^ rotated(v[0], 13) ^ rotated(v[0], 22)) +
-                   ((v[0] & v[1]) ^ (v[0] & v[2]) ^ (v[1] & v[2]));
+    uint32_t two =
+        (rotated(v[0], 2) ^ rotated(v[0], 13) ^ rotated(v[0], 22)) + ((v[0] & v[1]) ^ (v[0] & v[2]) ^ (v[1] & v[2]));
     memmove(v + 1, v, 7 * sizeof *v);
     v[4] += one;
     v[0] = one + two;
@@ -180,7 +180,8 @@ static const char *decode_1(Network *net, const uint8_t *data, size_t size) {
   net->C = u16(data + 6), net->P = 84, net->L = 5, net->D = 1;
   if (!in(net->C, 1, 16)) return "channels are out of range";
   memcpy(&net->lambda, &(uint32_t){u32(data + 36)}, sizeof net->lambda);
-  for (l = 0; l < 5; ++l) net->layers[l].k = paper[l][0], net->layers[l].d = paper[l][1], net->layers[l].m = paper[l][2];
+  for (l = 0; l < 5; ++l)
+    net->layers[l].k = paper[l][0], net->layers[l].d = paper[l][1], net->layers[l].m = paper[l][2];
   net->layers[3].m = u16(data + 8), net->layers[4].m = net->choices[0] = u16(data + 10);
   if ((wrong = chain(net))) return wrong;
   for (l = 0; l < 5; ++l) end += ((size_t)net->layers[l].m * net->layers[l].n + 7) / 8;

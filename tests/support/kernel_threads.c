@@ -1,5 +1,5 @@
-/* Four threads, each with a kernel of its own from the same bytes, run one observation at the same time, and every memory
- * that is taken is counted. Status 0: all outputs are equal, and none was taken after loading. */
+/* Four threads, each with a kernel of its own from the same bytes, run one observation at the same time, and every
+ * memory that is taken is counted. Status 0: all outputs are equal, and none was taken after loading. */
 #define _GNU_SOURCE
 #include <pthread.h>
 #include <stdatomic.h>

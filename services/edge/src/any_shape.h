@@ -15,8 +15,7 @@ PixelLayer with_offset(PixelLayer layer, int32_t* floors) {
   for (int k = 0; k < width; ++k) {
     int sum = 0;  // of the output's signs
     for (int t = 0; t < taps; ++t)
-      for (int byte = 0; byte < kTapPixels; ++byte)
-        sum += static_cast<int8_t>(layer.taps[t * width + k] >> (8 * byte));
+      for (int byte = 0; byte < kTapPixels; ++byte) sum += static_cast<int8_t>(layer.taps[t * width + k] >> (8 * byte));
     floors[k] = layer.floors[k] - Isa::kPixelOffset * sum;
   }
   layer.floors = floors;
@@ -37,7 +36,8 @@ static void copy_any_band(const PixelLayer layer, const uint8_t* observation, in
       for (int g = 0; g < layer.groups; ++g) {
         uint32_t* to = band + g * layer.columns;
         const uint8_t* from = pixels + g * kTapPixels;
-        if (shape.stride == kTapPixels) std::memcpy(to, from, shape.out_size * kTapPixels);
+        if (shape.stride == kTapPixels)
+          std::memcpy(to, from, shape.out_size * kTapPixels);
         else
           for (int x = 0; x < shape.out_size; ++x) std::memcpy(to + x, from + x * shape.stride, kTapPixels);
       }
@@ -50,9 +50,8 @@ void any_tile(const PixelLayer layer, const uint32_t* band, int k0, typename Isa
   typename Isa::Sums sums[kAnyRows][Isa::kOutputs] = {};
   typename Isa::Partial partial[kAnyRows][Isa::kOutputs];
   const auto each_sum = [&](auto body) INLINE_LAMBDA {
-    unrolled<Isa::kOutputs>([&](auto k) INLINE_LAMBDA {
-      unrolled<kAnyRows>([&](auto v) INLINE_LAMBDA { body(v.value, k.value); });
-    });
+    unrolled<Isa::kOutputs>(
+        [&](auto k) INLINE_LAMBDA { unrolled<kAnyRows>([&](auto v) INLINE_LAMBDA { body(v.value, k.value); }); });
   };
   const int stride = layer.shape.stride, row_taps = layer.groups * layer.columns;
   const uint32_t* signs = layer.taps + k0;
@@ -65,9 +64,8 @@ void any_tile(const PixelLayer layer, const uint32_t* band, int k0, typename Isa
           const uint32_t* taps = band + (v.value * stride + r) * row_taps + g * layer.columns;
           x[v.value] = Isa::load(reinterpret_cast<const uint8_t*>(taps));
         });
-        each_sum([&](int v, int k) INLINE_LAMBDA {
-          partial[v][k] = Isa::dot(partial[v][k], x[v], Isa::broadcast(signs[k]));
-        });
+        each_sum([&](int v, int k)
+                     INLINE_LAMBDA { partial[v][k] = Isa::dot(partial[v][k], x[v], Isa::broadcast(signs[k])); });
       }
     each_sum([&](int v, int k) INLINE_LAMBDA { sums[v][k] = Isa::end(sums[v][k], partial[v][k]); });
   }
@@ -128,8 +126,10 @@ void any_bit_layer(const BitLayer layer, const uint8_t* in, uint8_t* out, int64_
       }
       for (int b = 0; b < layer.blocks; ++b) {
         const auto counts = count_block<Isa>(patch, layer.weights + b * layer.words, layer.words);
-        if (differences) Isa::store(differences + b * kBlock, counts);
-        else out[b] = Isa::at_most(counts, layer.limits[b]);
+        if (differences)
+          Isa::store(differences + b * kBlock, counts);
+        else
+          out[b] = Isa::at_most(counts, layer.limits[b]);
       }
     }
 }

@@ -33,8 +33,7 @@ Value loaded(const uint8_t* at) {
 }
 
 void check_zeros(const char* where, const uint8_t* from, const uint8_t* end) {
-  if (!std::all_of(from, end, [](uint8_t byte) { return byte == 0; }))
-    refuse(std::string("a bit is not 0 ") + where);
+  if (!std::all_of(from, end, [](uint8_t byte) { return byte == 0; })) refuse(std::string("a bit is not 0 ") + where);
 }
 
 void check_size(size_t size, size_t expected) {
@@ -118,9 +117,12 @@ Blob decode_2(const uint8_t* data, size_t size) {
   take_provenance(data + 16, blob);
   for (int l = 0; l < count; ++l, rows += 8) {
     const int kernel = u16(rows), stride = u16(rows + 2), outputs = u16(rows + 4);
-    if (l < count - 2) chain.convolution(kernel, stride, outputs);
-    else if (l < count - 1) chain.connected("FC(N)", kernel, stride, outputs, 1, kMaxOutputs);
-    else chain.connected("FC(|A|)", kernel, stride, outputs, kMinActions, kMaxActions);
+    if (l < count - 2)
+      chain.convolution(kernel, stride, outputs);
+    else if (l < count - 1)
+      chain.connected("FC(N)", kernel, stride, outputs, 1, kMaxOutputs);
+    else
+      chain.connected("FC(|A|)", kernel, stride, outputs, kMinActions, kMaxActions);
     check_zeros("in a layer's row of the header", rows + 6, rows + 8);
   }
   blob.shapes = chain.checked();

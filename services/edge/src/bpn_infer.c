@@ -95,8 +95,10 @@ static int run(bpn_kernel *kernel, const char *name, int trace) {
   FILE *file = strcmp(name, "-") == 0 ? stdin : fopen(name, "rb");
   size_t got = 0;
   int l, status = 0;
-  if (!observation || !bits || !outputs) status = failed(name, "there is no memory");
-  else if (!file) status = failed(name, "cannot be read");
+  if (!observation || !bits || !outputs)
+    status = failed(name, "there is no memory");
+  else if (!file)
+    status = failed(name, "cannot be read");
   while (status == 0 && (got = fread(observation, 1, pixels, file)) == pixels) {
     bpn_kernel_run(kernel, observation, outputs);
     for (l = 0; trace && l + 1 < policy->layers; ++l) tell_bits(bits, bpn_kernel_trace(kernel, l, bits));
@@ -120,10 +122,14 @@ int main(int count, char **arguments) {
       for (i = 0; bpn_kernel_path(i); ++i) puts(bpn_kernel_path(i));
       return 0;
     }
-    if (strcmp(arguments[i], "--trace") == 0) trace = 1;
-    else if (strcmp(arguments[i], "--path") == 0 && i + 1 < count) path = arguments[++i];
-    else if (!blob) blob = arguments[i];
-    else observations = arguments[i];
+    if (strcmp(arguments[i], "--trace") == 0)
+      trace = 1;
+    else if (strcmp(arguments[i], "--path") == 0 && i + 1 < count)
+      path = arguments[++i];
+    else if (!blob)
+      blob = arguments[i];
+    else
+      observations = arguments[i];
   }
   if (!blob) return failed("usage", "bpn-infer BLOB [OBSERVATIONS] [--path NAME] [--trace], or bpn-infer --paths");
   data = read_all(blob, &size);
@@ -131,8 +137,10 @@ int main(int count, char **arguments) {
   kernel = bpn_kernel_load(data, size, path, reason);
   free(data);
   if (!kernel) return failed(blob, reason);
-  if (observations) status = run(kernel, observations, trace);
-  else describe(bpn_kernel_policy(kernel));
+  if (observations)
+    status = run(kernel, observations, trace);
+  else
+    describe(bpn_kernel_policy(kernel));
   bpn_kernel_free(kernel);
   return status;
 }

@@ -31,14 +31,14 @@ typedef struct {
 } bpn_layer;
 
 typedef struct {
-  int32_t schema;                  /* of the blob: 1 or 2 */
-  int32_t channels, image_px;      /* of an observation: uint8[channels][image_px][image_px] */
-  int32_t actions;                 /* outputs of the last layer */
-  int32_t dimensions;              /* of an action */
+  int32_t schema;                      /* of the blob: 1 or 2 */
+  int32_t channels, image_px;          /* of an observation: uint8[channels][image_px][image_px] */
+  int32_t actions;                     /* outputs of the last layer */
+  int32_t dimensions;                  /* of an action */
   int32_t choices[BPN_MAX_DIMENSIONS]; /* of each dimension; together they are the actions */
   int32_t layers;
   bpn_layer layer[BPN_MAX_LAYERS];
-  float scale;                     /* lambda: the preferences are scale * outputs */
+  float scale; /* lambda: the preferences are scale * outputs */
   uint8_t run[16];
   uint32_t attempt, version;
 } bpn_policy;
@@ -49,32 +49,32 @@ typedef struct {
  * reason: room for BPN_REASON_SIZE bytes, or NULL. Where nothing is loaded it says why, in one line of ASCII.
  *
  * Returns the kernel, or NULL: the bytes are no blob or damaged, the path is none, or there is no memory. */
-bpn_kernel *bpn_kernel_load(const void *blob, size_t size, const char *path, char *reason);
+bpn_kernel* bpn_kernel_load(const void* blob, size_t size, const char* path, char* reason);
 
 /* NULL is allowed. */
-void bpn_kernel_free(bpn_kernel *kernel);
+void bpn_kernel_free(bpn_kernel* kernel);
 
 /* Geometry and provenance. They are the kernel's. */
-const bpn_policy *bpn_kernel_policy(const bpn_kernel *kernel);
+const bpn_policy* bpn_kernel_policy(const bpn_kernel* kernel);
 
 /* One inference.
  *
  * observation: uint8[channels][image_px][image_px], the newest frame's channels last.
  * outputs: int32[actions], the last layer's integers. */
-void bpn_kernel_run(bpn_kernel *kernel, const uint8_t *observation, int32_t *outputs);
+void bpn_kernel_run(bpn_kernel* kernel, const uint8_t* observation, int32_t* outputs);
 
 /* The activations of a layer but the last (0 is the first) in the last run.
  *
  * bits: uint8[out_size * out_size * outputs], 1 (+1) or 0 (-1), in the order row, column, channel.
  *
  * Returns how many they are; 0, and writes nothing, if there is no such layer. */
-size_t bpn_kernel_trace(const bpn_kernel *kernel, int layer, uint8_t *bits);
+size_t bpn_kernel_trace(const bpn_kernel* kernel, int layer, uint8_t* bits);
 
 /* Over all weights and thresholds in memory: differs after any one bit of them has flipped. */
-uint64_t bpn_kernel_checksum(const bpn_kernel *kernel);
+uint64_t bpn_kernel_checksum(const bpn_kernel* kernel);
 
 /* The name of the index-th path that this processor can run, the best first; NULL beyond the last. */
-const char *bpn_kernel_path(int index);
+const char* bpn_kernel_path(int index);
 
 #ifdef __cplusplus
 }

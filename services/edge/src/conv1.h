@@ -45,14 +45,12 @@ static void copy_band(int channels, const uint8_t* observation, int y, Band& ban
 
 // The activation bits of output channels k0.. in one tile of a band, merged into `bits`.
 template <class Isa>
-void conv1_tile(const PixelLayer layer, const Band& band, int tile, int k0,
-                typename Isa::Sums (&bits)[kVectors]) {
+void conv1_tile(const PixelLayer layer, const Band& band, int tile, int k0, typename Isa::Sums (&bits)[kVectors]) {
   typename Isa::Sums sums[kVectors][Isa::kOutputs] = {};
   typename Isa::Partial partial[kVectors][Isa::kOutputs];
   const auto each_sum = [&](auto body) INLINE_LAMBDA {
-    unrolled<Isa::kOutputs>([&](auto k) INLINE_LAMBDA {
-      unrolled<kVectors>([&](auto v) INLINE_LAMBDA { body(v.value, k.value); });
-    });
+    unrolled<Isa::kOutputs>(
+        [&](auto k) INLINE_LAMBDA { unrolled<kVectors>([&](auto v) INLINE_LAMBDA { body(v.value, k.value); }); });
   };
   for (int c = 0; c < layer.shape.in_channels; ++c) {
     each_sum([&](int v, int k) INLINE_LAMBDA { partial[v][k] = Isa::begin(sums[v][k]); });
@@ -62,19 +60,16 @@ void conv1_tile(const PixelLayer layer, const Band& band, int tile, int k0,
       const TapPixels& pixels = band.of[c][r % kConv1Stride][half];
       const uint32_t* signs = layer.taps + (c * kTapsPerChannel + tap.value) * kConv1Outputs + k0;
       typename Isa::Pixels x[kVectors];
-      unrolled<kBandRows>([&](auto v) INLINE_LAMBDA {
-        x[v.value] = Isa::load(pixels.rows[q + v.value] + tile * kTapPixels);
-      });
+      unrolled<kBandRows>([&](auto v)
+                              INLINE_LAMBDA { x[v.value] = Isa::load(pixels.rows[q + v.value] + tile * kTapPixels); });
       x[kBandRows] = Isa::load(pixels.tails[q] + tile * kTapPixels);
-      each_sum([&](int v, int k) INLINE_LAMBDA {
-        partial[v][k] = Isa::dot(partial[v][k], x[v], Isa::broadcast(signs[k]));
-      });
+      each_sum([&](int v, int k)
+                   INLINE_LAMBDA { partial[v][k] = Isa::dot(partial[v][k], x[v], Isa::broadcast(signs[k])); });
     });
     each_sum([&](int v, int k) INLINE_LAMBDA { sums[v][k] = Isa::end(sums[v][k], partial[v][k]); });
   }
-  each_sum([&](int v, int k) INLINE_LAMBDA {
-    bits[v] = Isa::mark_above(bits[v], sums[v][k], layer.floors[k0 + k], 1 << (k0 + k));
-  });
+  each_sum([&](int v, int k)
+               INLINE_LAMBDA { bits[v] = Isa::mark_above(bits[v], sums[v][k], layer.floors[k0 + k], 1 << (k0 + k)); });
 }
 
 template <class Isa>
@@ -87,8 +82,7 @@ void conv1(PixelLayer layer, const uint8_t* observation, uint8_t* out) {
     uint8_t tail[kRowPositions];
     for (int tile = 0; tile < kRowPositions; tile += Isa::kLanes) {
       typename Isa::Sums bits[kVectors] = {};
-      for (int k0 = 0; k0 < kConv1Outputs; k0 += Isa::kOutputs)
-        conv1_tile<Isa>(layer, band, tile, k0, bits);
+      for (int k0 = 0; k0 < kConv1Outputs; k0 += Isa::kOutputs) conv1_tile<Isa>(layer, band, tile, k0, bits);
       for (int v = 0; v < kBandRows; ++v) Isa::store_bytes(out + v * kConv1Size + tile, bits[v]);
       Isa::store_bytes(tail + tile, bits[kBandRows]);
     }

@@ -48,9 +48,8 @@ INLINE void conv1_vectors(const PixelLayer layer, const uint8_t* top, Load load,
 template <class Isa, int V>
 void conv1_rows(const PixelLayer layer, const uint8_t* observation, int y, uint8_t* out) {
   typename Isa::Sums bits[V] = {};
-  const auto load = [](const uint8_t* tap, int v) INLINE_LAMBDA {
-    return Isa::load(tap + v * kConv1Stride * kImagePx);
-  };
+  const auto load = [](const uint8_t* tap, int v)
+                        INLINE_LAMBDA { return Isa::load(tap + v * kConv1Stride * kImagePx); };
   conv1_vectors<Isa, V>(layer, observation + y * kConv1Stride * kImagePx, load, bits);
   for (int v = 0; v < V; ++v) Isa::store_bytes(out + (y + v) * kConv1Size, bits[v]);
 }
@@ -58,9 +57,8 @@ void conv1_rows(const PixelLayer layer, const uint8_t* observation, int y, uint8
 template <class Isa, int V>
 void conv1_tails(const PixelLayer layer, const uint8_t* observation, int y, uint8_t* out) {
   typename Isa::Sums bits[V] = {};
-  const auto load = [](const uint8_t* tap, int v) INLINE_LAMBDA {
-    return Isa::load_tails(tap + v * kTailRows * kConv1Stride * kImagePx);
-  };
+  const auto load = [](const uint8_t* tap, int v)
+                        INLINE_LAMBDA { return Isa::load_tails(tap + v * kTailRows * kConv1Stride * kImagePx); };
   const uint8_t* const top = observation + y * kConv1Stride * kImagePx + kRowLanes * kConv1Stride;
   conv1_vectors<Isa, V>(layer, top, load, bits);
   for (int v = 0; v < V; ++v) {

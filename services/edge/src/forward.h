@@ -62,11 +62,9 @@ void paper_bit_layers(const Layers& net, const Activations& out) {
   uint8_t* const hidden = out.maps[3];
   const uint8_t* const features = out.maps[2];
   for (int b = 0; b < fc1.blocks; ++b)
-    hidden[b] = Isa::at_most(count_block<Isa>(features, fc1.weights + b * kFeatureWords, kFeatureWords),
-                             fc1.limits[b]);
+    hidden[b] = Isa::at_most(count_block<Isa>(features, fc1.weights + b * kFeatureWords, kFeatureWords), fc1.limits[b]);
   for (int b = 0; b < fc2.blocks; ++b)
-    Isa::store(out.differences + b * kBlock,
-               count_block<Isa>(out.maps[3], fc2.weights + b * fc2.words, fc2.words));
+    Isa::store(out.differences + b * kBlock, count_block<Isa>(out.maps[3], fc2.weights + b * fc2.words, fc2.words));
 }
 
 template <class Isa>

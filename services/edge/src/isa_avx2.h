@@ -20,17 +20,11 @@ struct Avx2 {
     __m256i low, high;
   };
 
-  static __m256i load_aligned(const void* data) {
-    return _mm256_load_si256(static_cast<const __m256i*>(data));
-  }
-  static Pixels load(const uint8_t* pixels) {
-    return _mm256_loadu_si256(reinterpret_cast<const __m256i*>(pixels));
-  }
+  static __m256i load_aligned(const void* data) { return _mm256_load_si256(static_cast<const __m256i*>(data)); }
+  static Pixels load(const uint8_t* pixels) { return _mm256_loadu_si256(reinterpret_cast<const __m256i*>(pixels)); }
   static Signs broadcast(uint32_t tap) { return _mm256_set1_epi32(static_cast<int>(tap)); }
   static Partial begin(Sums) { return _mm256_setzero_si256(); }
-  static Partial dot(Partial pairs, Pixels x, Signs w) {
-    return _mm256_add_epi16(pairs, _mm256_maddubs_epi16(x, w));
-  }
+  static Partial dot(Partial pairs, Pixels x, Signs w) { return _mm256_add_epi16(pairs, _mm256_maddubs_epi16(x, w)); }
   static Sums end(Sums sums, Partial pairs) {
     return _mm256_add_epi32(sums, _mm256_madd_epi16(pairs, _mm256_set1_epi16(1)));
   }
@@ -46,8 +40,7 @@ struct Avx2 {
 
   // Bits in each 64-bit lane, by table lookup of the nibbles.
   static __m256i popcount(__m256i x) {
-    const __m256i table = _mm256_broadcastsi128_si256(
-        _mm_setr_epi8(0, 1, 1, 2, 1, 2, 2, 3, 1, 2, 2, 3, 2, 3, 3, 4));
+    const __m256i table = _mm256_broadcastsi128_si256(_mm_setr_epi8(0, 1, 1, 2, 1, 2, 2, 3, 1, 2, 2, 3, 2, 3, 3, 4));
     const __m256i nibble = _mm256_set1_epi8(15);
     const __m256i low = _mm256_shuffle_epi8(table, _mm256_and_si256(x, nibble));
     const __m256i high = _mm256_shuffle_epi8(table, _mm256_and_si256(_mm256_srli_epi16(x, 4), nibble));

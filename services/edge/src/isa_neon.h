@@ -55,8 +55,7 @@ struct Neon {
   static uint8_t at_most(Counts counts, const LimitBlock& limits) {
     int bits = 0;
     for (int i = 0; i < 4; ++i) {
-      const uint64x2_t within =
-          vcleq_s64(vreinterpretq_s64_u64(counts.lanes[i]), vld1q_s64(limits.lane + 2 * i));
+      const uint64x2_t within = vcleq_s64(vreinterpretq_s64_u64(counts.lanes[i]), vld1q_s64(limits.lane + 2 * i));
       bits |= static_cast<int>((vgetq_lane_u64(within, 0) & 1) | (vgetq_lane_u64(within, 1) & 2)) << 2 * i;
     }
     return static_cast<uint8_t>(bits);

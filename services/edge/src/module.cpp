@@ -56,8 +56,8 @@ using Sizes = std::array<int, 5>;  // in_size, in_channels, kernel, stride, outp
 
 class Network {
  public:
-  Network(const std::string& path, bool any_shape, const std::vector<Sizes>& layers,
-          const std::vector<Signs>& weights, const std::vector<Thresholds>& thresholds)
+  Network(const std::string& path, bool any_shape, const std::vector<Sizes>& layers, const std::vector<Signs>& weights,
+          const std::vector<Thresholds>& thresholds)
       : Network(path, any_shape, std::make_unique<PackedNetwork>(packed(layers, weights, thresholds))) {}
 
   Outputs run(const Array& observation) const { return outputs(compute(observation)); }
@@ -98,8 +98,7 @@ class Network {
   }
 
  private:
-  Network(const std::string& path, bool any_shape, std::unique_ptr<PackedNetwork> packed)
-      : packed_(std::move(packed)) {
+  Network(const std::string& path, bool any_shape, std::unique_ptr<PackedNetwork> packed) : packed_(std::move(packed)) {
     const Path* const found = find_path(path.c_str());
     if (!found) throw nb::value_error(("this machine cannot run the path " + path).c_str());
     forward_ = packed_->is_paper() && !any_shape ? found->paper : found->any;
@@ -129,11 +128,12 @@ class Network {
   Activations compute(const Array& observation) const {
     const LayerShape& first = packed_->shapes().front();
     const size_t channels = first.in_channels, size = first.in_size;
-    if (observation.dtype() != nb::dtype<uint8_t>() || observation.ndim() != 3 ||
-        observation.shape(0) != channels || observation.shape(1) != size || observation.shape(2) != size) {
+    if (observation.dtype() != nb::dtype<uint8_t>() || observation.ndim() != 3 || observation.shape(0) != channels ||
+        observation.shape(1) != size || observation.shape(2) != size) {
       const std::string px = std::to_string(size);
       throw nb::value_error(("observation is " + described(observation) + ", the network takes uint8[" +
-                             std::to_string(channels) + ", " + px + ", " + px + "]").c_str());
+                             std::to_string(channels) + ", " + px + ", " + px + "]")
+                                .c_str());
     }
     const auto* pixels = static_cast<const uint8_t*>(observation.data());
     std::vector<uint8_t> copy;

@@ -85,9 +85,8 @@ void pack(const SignMatrix& matrix, const PixelLayer& layer) {
   // o >= tau as o > tau - 1, with tau first brought next to the range of o: no overflow, same answer.
   const int32_t max_output = inputs * kMaxPixel;
   for (int k = 0; k < width; ++k)
-    layer.floors[k] = k < layer.shape.outputs
-                          ? std::clamp(matrix.thresholds[k], -max_output, max_output + 1) - 1
-                          : INT32_MAX;
+    layer.floors[k] =
+        k < layer.shape.outputs ? std::clamp(matrix.thresholds[k], -max_output, max_output + 1) - 1 : INT32_MAX;
 }
 
 // The largest d with fan_in - 2d >= tau; -1 (no d) to fan_in (every d).

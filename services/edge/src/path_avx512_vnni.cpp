@@ -29,9 +29,7 @@ struct Avx512Vnni {
   static Partial begin(Sums sums) { return sums; }
   static Partial dot(Partial sums, Pixels x, Signs w) { return _mm512_dpbusd_epi32(sums, x, w); }
   // GCC copies the sums of the intrinsic, and runs out of registers.
-  static void add_dot(Sums& sums, Pixels x, Signs w) {
-    asm("vpdpbusd %2, %1, %0" : "+v"(sums) : "v"(x), "v"(w));
-  }
+  static void add_dot(Sums& sums, Pixels x, Signs w) { asm("vpdpbusd %2, %1, %0" : "+v"(sums) : "v"(x), "v"(w)); }
   static Sums end(Sums, Partial sums) { return sums; }
 
   static Sums mark_above(Sums bits, Sums sums, int32_t floor, int bit) {

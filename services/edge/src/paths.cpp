@@ -23,9 +23,7 @@ bool has_avx512_vnni() {
          __builtin_cpu_supports("avx512vl") && __builtin_cpu_supports("avx512vnni") &&
          __builtin_cpu_supports("avx512vpopcntdq");
 }
-bool has_avx_vnni() {
-  return __builtin_cpu_supports("avx2") && __builtin_cpu_supports("avxvnni");
-}
+bool has_avx_vnni() { return __builtin_cpu_supports("avx2") && __builtin_cpu_supports("avxvnni"); }
 bool has_avx2() { return __builtin_cpu_supports("avx2"); }
 #elif defined(BPN_AARCH64) && defined(__linux__)
 bool has_neon_dot() { return getauxval(AT_HWCAP) & HWCAP_ASIMDDP; }

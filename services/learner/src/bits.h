@@ -107,9 +107,12 @@ inline void count_outputs_of(const Layer l, int images, const uint8_t* x, const 
 // and weights is 1 in both, and no difference.
 inline void count_outputs(const Layer& l, int images, const uint8_t* x, const uint64_t* signs, float* o) {
   const bool by_rows = !l.connected && l.row_words() == 1;
-  if (by_rows && l.rows == 4) count_outputs_of<4>(l, images, x, signs, o);  // the paper's conv2
-  else if (by_rows && l.rows == 3) count_outputs_of<3>(l, images, x, signs, o);  // and conv3
-  else count_outputs_of<0>(l, images, x, signs, o);
+  if (by_rows && l.rows == 4)
+    count_outputs_of<4>(l, images, x, signs, o);  // the paper's conv2
+  else if (by_rows && l.rows == 3)
+    count_outputs_of<3>(l, images, x, signs, o);  // and conv3
+  else
+    count_outputs_of<0>(l, images, x, signs, o);
 }
 
 }  // namespace

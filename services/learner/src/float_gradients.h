@@ -11,8 +11,10 @@ namespace {
 // Outputs of layer l >= 1 from its inputs.
 inline void layer_outputs(const Geometry& geometry, int B, const Workspace& work, int l) {
   const Layer& layer = geometry.layers[l];
-  if (!layer.connected) convolve(layer, B, work.inputs[l], work.transposed[l], work.outputs[l]);
-  else connect(layer, B, work.inputs[l], work.weights[l], work.outputs[l]);
+  if (!layer.connected)
+    convolve(layer, B, work.inputs[l], work.transposed[l], work.outputs[l]);
+  else
+    connect(layer, B, work.inputs[l], work.weights[l], work.outputs[l]);
 }
 
 // The weights in the layouts that the products read. Padding stays zero.
@@ -85,8 +87,7 @@ inline void float_gradients(const Geometry& geometry, const Batch& batch, const 
   for (int l = last; l >= 0; --l) {
     if (l < last) {
       first -= layers[l].outputs;
-      rectify_back(B * layers[l].positions(), layers[l], work.inputs[l + 1], work.gradients[l],
-                   out.biases + first);
+      rectify_back(B * layers[l].positions(), layers[l], work.inputs[l + 1], work.gradients[l], out.biases + first);
     }
     layer_gradients(geometry, batch, work, l);
   }

@@ -10,7 +10,7 @@
 namespace bpn {
 namespace {
 
-constexpr int kTogether = kLanes > kTogetherOutputs ? kLanes / kTogetherOutputs : 1;     // inputs in a vector
+constexpr int kTogether = kLanes > kTogetherOutputs ? kLanes / kTogetherOutputs : 1;      // inputs in a vector
 constexpr int kConv1Vectors = kLanes < kTogetherOutputs ? kTogetherOutputs / kLanes : 1;  // of the outputs
 constexpr int kFloatColumns = kConv1Vectors > 1 ? 4 : 10;  // positions at a time; divides the paper's 20
 
@@ -64,8 +64,10 @@ inline void convolve_floats(const Layer& l, const float* image, const Extent* ex
         float* to = o + (y * l.size + x) * l.width + first;
         const bool many = l.size - x >= kFloatColumns;
         const Extent* own = extents + y * l.stride();
-        if (many) convolve_floats_at<kFloatColumns>(l, patch, own, x * l.step_x, pixel_weights, to);
-        else convolve_floats_at<1>(l, patch, own, x * l.step_x, pixel_weights, to);
+        if (many)
+          convolve_floats_at<kFloatColumns>(l, patch, own, x * l.step_x, pixel_weights, to);
+        else
+          convolve_floats_at<1>(l, patch, own, x * l.step_x, pixel_weights, to);
         x += many ? kFloatColumns : 1;
       }
 }

@@ -24,11 +24,11 @@ struct LayerShape {
 // of `image` values, [row][column][channel as stored]. A connected layer's patch is all of its input, as one run.
 struct Layer {
   bool connected;
-  int rows, run, row_stride;       // of a patch
-  int in_channels, in_width;       // of an input's position: true, and as stored
-  int image;                       // values of one input image
-  int size, step_y, step_x;        // output positions in each direction, and the patches' distances in values
-  int outputs, width;              // output channels: true, and as stored
+  int rows, run, row_stride;  // of a patch
+  int in_channels, in_width;  // of an input's position: true, and as stored
+  int image;                  // values of one input image
+  int size, step_y, step_x;   // output positions in each direction, and the patches' distances in values
+  int outputs, width;         // output channels: true, and as stored
 
   int positions() const { return size * size; }
   int fan_in() const { return rows * run; }
@@ -37,7 +37,7 @@ struct Layer {
   int stride() const { return step_y / row_stride; }
   int row_words() const { return (run + 63) / 64; }  // of a patch's run as bits; in_width is a multiple of 8 then
   int patch_words() const { return rows * row_words(); }
-  int bit_bytes() const { return (image + 63) / 64 * 8; }  // of one input image as bits
+  int bit_bytes() const { return (image + 63) / 64 * 8; }             // of one input image as bits
   int true_fan_in() const { return rows * columns() * in_channels; }  // as the weight vector has them
 };
 
@@ -56,8 +56,18 @@ struct Geometry {
       // A few outputs of conv1 are not padded, where the next layer's runs are whole vectors all the same.
       const bool narrow = l == 0 && shape.outputs <= kBlock / 2 && shapes[1].kernel % 2 == 0;
       const int outputs = narrow ? kBlock / 2 : padded(shape.outputs);
-      layers[l] = {connected, rows, run, row, shape.in_channels, width, shape.in_size * row, out_size(shape),
-                   shape.stride * row, shape.stride * width, shape.outputs, outputs};
+      layers[l] = {connected,
+                   rows,
+                   run,
+                   row,
+                   shape.in_channels,
+                   width,
+                   shape.in_size * row,
+                   out_size(shape),
+                   shape.stride * row,
+                   shape.stride * width,
+                   shape.outputs,
+                   outputs};
       width = outputs;
     }
   }

@@ -46,8 +46,8 @@ inline void give_latent(const Geometry& geometry, const float* latent, const Wor
   });
 }
 
-inline void gradients(const Geometry& geometry, const Batch& batch, const Parameters& in,
-                      const Workspace& work, Gradients& out) {
+inline void gradients(const Geometry& geometry, const Batch& batch, const Parameters& in, const Workspace& work,
+                      Gradients& out) {
   const Layer* layers = geometry.layers;
   const int B = batch.size, last = geometry.count - 1;
   take_signs(geometry, in, work);
@@ -61,13 +61,12 @@ inline void gradients(const Geometry& geometry, const Batch& batch, const Parame
                     work.outputs[0] + b * conv1_values);
   }
   for (int l = 0; l < last; ++l) {
-    normalize(batch, layers[l], work.outputs[l], work.gamma[l], work.beta[l], work.norm_scale[l],
-              work.inputs[l + 1], work.input_bits[l + 1], layers[l + 1].bit_bytes());
+    normalize(batch, layers[l], work.outputs[l], work.gamma[l], work.beta[l], work.norm_scale[l], work.inputs[l + 1],
+              work.input_bits[l + 1], layers[l + 1].bit_bytes());
     count_outputs(layers[l + 1], B, work.input_bits[l + 1], work.sign_bits[l + 1], work.outputs[l + 1]);
   }
 
-  const Loss loss =
-      take_loss(layers[last], batch, std::exp(in.log_scale), work.outputs[last], work.gradients[last]);
+  const Loss loss = take_loss(layers[last], batch, std::exp(in.log_scale), work.outputs[last], work.gradients[last]);
   out.loss = loss.mean, out.log_scale = loss.log_scale;
   float padded_gamma[kMaxOutputs], padded_beta[kMaxOutputs];
   int first = 0;
@@ -75,8 +74,8 @@ inline void gradients(const Geometry& geometry, const Batch& batch, const Parame
   for (int l = last; l >= 0; --l) {
     const Layer& layer = layers[l];
     if (l < last) {
-      normalize_back(batch, layer, work.gradients[l], work.outputs[l], work.gamma[l], work.beta[l],
-                     work.norm_scale[l], padded_gamma, padded_beta);
+      normalize_back(batch, layer, work.gradients[l], work.outputs[l], work.gamma[l], work.beta[l], work.norm_scale[l],
+                     padded_gamma, padded_beta);
       first -= layer.outputs;
       std::memcpy(out.gamma + first, padded_gamma, sizeof(float) * layer.outputs);
       std::memcpy(out.beta + first, padded_beta, sizeof(float) * layer.outputs);

@@ -21,7 +21,8 @@ inline void layer_gradients(const Geometry& geometry, const Batch& batch, const 
     return;
   }
   const float* x = work.inputs[l];
-  if (layer.connected) add_weight_gradients(layer, 1, B, layer.image, x, g, dw);  // one row of B patches
+  if (layer.connected)
+    add_weight_gradients(layer, 1, B, layer.image, x, g, dw);  // one row of B patches
   else
     for (int b = 0; b < B; ++b)
       add_weight_gradients(layer, layer.size, layer.size, layer.step_x, x + b * layer.image, g + b * values, dw);
@@ -54,8 +55,7 @@ struct Runs {
   int count, length, step;
 
   explicit Runs(const Layer& layer) : count(1), length(layer.run), step(layer.run) {
-    if (layer.in_channels < layer.in_width)
-      count = layer.columns(), length = layer.in_channels, step = layer.in_width;
+    if (layer.in_channels < layer.in_width) count = layer.columns(), length = layer.in_channels, step = layer.in_width;
   }
 };
 

@@ -25,7 +25,7 @@ struct Batch {
   const int64_t* taken;          // per image: the outputs of its action, one for each dimension
   int dimensions;
   const float* targets;
-  int total;                     // images of all shares
+  int total;  // images of all shares
   Exchange exchange = {};
 };
 constexpr int kSlack = 64;
@@ -54,9 +54,9 @@ struct Extent {
   int begin, end;
 };
 
-// Scratch. For layer l: weights (binarized: their signs) [width][fan_in]; inputs x_l [image][position][channel] from layer
-// 2 on; outputs o_l (binarized: normalized by batch norm), and the gradient of o_l, both [image][position][width]; the
-// gradient of the weights [width][rows][padded run].
+// Scratch. For layer l: weights (binarized: their signs) [width][fan_in]; inputs x_l [image][position][channel] from
+// layer 2 on; outputs o_l (binarized: normalized by batch norm), and the gradient of o_l, both
+// [image][position][width]; the gradient of the weights [width][rows][padded run].
 struct Workspace {
   float* weights[kMaxLayers];
   float* inputs[kMaxLayers];
@@ -69,15 +69,14 @@ struct Workspace {
   uint64_t* sign_bits[kMaxLayers];  // binarized: of the weights from layer 2 on, see `pack_signs`
   uint8_t* input_bits[kMaxLayers];  // binarized: of the inputs from layer 2 on, see `count_outputs`
   float* transposed[kMaxLayers];    // float: [fan_in][width] of the convolutions from the second on
-  Extent* extents;            // of the pixels, [image][row]
-  int8_t* pixel_signs;        // conv1's, [eight outputs][row][eight inputs][output][input], zero beyond a row's
-  float* pixel_weights;       // float: the same with as many inputs as fit a vector
-  float* image;               // float: one image, and zeros behind it
+  Extent* extents;                  // of the pixels, [image][row]
+  int8_t* pixel_signs;              // conv1's, [eight outputs][row][eight inputs][output][input], zero beyond a row's
+  float* pixel_weights;             // float: the same with as many inputs as fit a vector
+  float* image;                     // float: one image, and zeros behind it
 };
 
 using Minibatch = void(const Geometry&, const Batch&, const Parameters&, const Workspace&, Gradients&);
-using FloatMinibatch = void(const Geometry&, const Batch&, const FloatParameters&, const Workspace&,
-                            FloatGradients&);
+using FloatMinibatch = void(const Geometry&, const Batch&, const FloatParameters&, const Workspace&, FloatGradients&);
 
 struct Path {
   const char* name;

@@ -91,7 +91,8 @@ class Scratch {
     if (observations.shape(1) != size || observations.shape(2) != size || observations.shape(3) != channels) {
       const std::string px = std::to_string(size);
       throw nb::value_error(("observations have not the network's shape uint8[n, " + px + ", " + px + ", " +
-                             std::to_string(channels) + "]").c_str());
+                             std::to_string(channels) + "]")
+                                .c_str());
     }
     if (actions.shape(0) != n || targets.shape(0) != n)
       throw nb::value_error("observations, actions and targets have different lengths");
@@ -224,8 +225,8 @@ class FloatKernel : Scratch {
                   const Array<const int64_t, 2>& actions, const Array<const float, 1>& targets,
                   const Array<const float, 1>& weights, const Array<const float, 1>& biases,
                   const Array<float, 1>& d_weights, const Array<float, 1>& d_biases, int total) {
-    check_sizes(weights.shape(0) == weights_ && d_weights.shape(0) == weights_ &&
-                biases.shape(0) == biases_ && d_biases.shape(0) == biases_);
+    check_sizes(weights.shape(0) == weights_ && d_weights.shape(0) == weights_ && biases.shape(0) == biases_ &&
+                d_biases.shape(0) == biases_);
     const Batch taken = take(observations, batch, actions, targets, total);
     FloatGradients out{d_weights.data(), d_biases.data(), 0};
     nb::gil_scoped_release without_gil;

@@ -5,12 +5,12 @@
 namespace bpn {
 
 void gradients_avx2(const Geometry& geometry, const Batch& batch, const Parameters& in, const Workspace& work,
-                  Gradients& out) {
+                    Gradients& out) {
   gradients(geometry, batch, in, work, out);
 }
 
 void float_gradients_avx2(const Geometry& geometry, const Batch& batch, const FloatParameters& in,
-                  const Workspace& work, FloatGradients& out) {
+                          const Workspace& work, FloatGradients& out) {
   float_gradients(geometry, batch, in, work, out);
 }
 

@@ -128,8 +128,10 @@ inline void convolve_pixels(const Layer& l, const uint8_t* image, const Extent* 
         float* to = o + (y * l.size + x) * l.width + first;
         const bool many = l.size - x >= kColumns;
         const Extent* own = extents + y * l.stride();
-        if (many) convolve_pixels_at<kColumns>(l, patch, own, x * l.step_x, signs, to);
-        else convolve_pixels_at<1>(l, patch, own, x * l.step_x, signs, to);
+        if (many)
+          convolve_pixels_at<kColumns>(l, patch, own, x * l.step_x, signs, to);
+        else
+          convolve_pixels_at<1>(l, patch, own, x * l.step_x, signs, to);
         x += many ? kColumns : 1;
       }
     }

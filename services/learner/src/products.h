@@ -39,8 +39,10 @@ inline void convolve(const Layer& l, int images, const float* x, const float* tr
       const int at = position / l.size * l.step_y + position % l.size * l.step_x;
       const float* patch = x + b * l.image + at;
       float* to = o + b * stride + position * l.width;
-      if (block) outputs_at<kRows>(l, patch, transposed, to);
-      else outputs_at<1>(l, patch, transposed, to);
+      if (block)
+        outputs_at<kRows>(l, patch, transposed, to);
+      else
+        outputs_at<1>(l, patch, transposed, to);
     }
     b += block ? kRows : 1;
   }
@@ -88,7 +90,9 @@ inline void input_gradients_at(const Layer& l, const float* g, const float* weig
       for (int n = 0; n < l.outputs; ++n) {
         Floats w[V];
         each<V>([&](auto v) INLINE_LAMBDA { w[v] = load(weights + n * l.fan_in() + k + v * kLanes); });
-        each<Rows>([&](auto r) INLINE_LAMBDA { each<V>([&](auto v) INLINE_LAMBDA { sums[r][v] += w[v] * g[r * g_stride + n]; }); });
+        each<Rows>([&](auto r) INLINE_LAMBDA {
+          each<V>([&](auto v) INLINE_LAMBDA { sums[r][v] += w[v] * g[r * g_stride + n]; });
+        });
       }
       each<Rows>([&](auto r) INLINE_LAMBDA {
         each<V>([&](auto v) INLINE_LAMBDA { store(to + r * l.image + v * kLanes, sums[r][v]); });
@@ -104,17 +108,20 @@ inline void input_gradients(const Layer& l, int images, const float* g, const fl
       const int at = position / l.size * l.step_y + position % l.size * l.step_x;
       const float* from = g + (b * l.positions() + position) * l.width;
       float* to = dx + b * l.image + at;
-      if (block) input_gradients_at<kRows>(l, from, weights, to);
-      else input_gradients_at<1>(l, from, weights, to);
+      if (block)
+        input_gradients_at<kRows>(l, from, weights, to);
+      else
+        input_gradients_at<1>(l, from, weights, to);
     }
     b += block ? kRows : 1;
   }
 }
 
-// dw += g * x over size_y x size_x positions, x in float or in bytes (conv1: the pixels, and the extents of their rows).
+// dw += g * x over size_y x size_x positions, x in float or in bytes (conv1: the pixels, and the extents of their
+// rows).
 template <class Value>
-inline void add_weight_gradients(const Layer& l, int size_y, int size_x, int step_x, const Value* x,
-                               const float* g, float* dw, const Extent* extents = nullptr) {
+inline void add_weight_gradients(const Layer& l, int size_y, int size_x, int step_x, const Value* x, const float* g,
+                                 float* dw, const Extent* extents = nullptr) {
   const int vectors = (l.run + kLanes - 1) / kLanes, run = padded(l.run);
   for (int i = 0; i < l.rows; ++i)
     in_groups(vectors, [&]<int V>(int first) {
@@ -128,7 +135,9 @@ inline void add_weight_gradients(const Layer& l, int size_y, int size_x, int ste
             if (are_black<V>(from)) continue;  // nothing is added
             Floats values[V];
             each<V>([&](auto v) INLINE_LAMBDA { values[v] = load(from + v * kLanes); });
-            each<kRows>([&](auto r) INLINE_LAMBDA { each<V>([&](auto v) INLINE_LAMBDA { sums[r][v] += values[v] * factors[r]; }); });
+            each<kRows>([&](auto r) INLINE_LAMBDA {
+              each<V>([&](auto v) INLINE_LAMBDA { sums[r][v] += values[v] * factors[r]; });
+            });
           }
         }
         each<kRows>([&](auto r) INLINE_LAMBDA {

@@ -40,7 +40,7 @@ struct Model {
   bool happens(unsigned of_256) { return of_256 != 0 && (random() & 255) < of_256; }
 
   // A beat that was offered stays until it is taken.
-  void offer(Stream &stream, void *data, std::size_t size, CData &valid, CData &last) {
+  void offer(Stream& stream, void* data, std::size_t size, CData& valid, CData& last) {
     if (!stream.offered) stream.offered = !stream.beats.empty() && !happens(stream.gaps);
     valid = stream.offered;
     if (!stream.offered) return;
@@ -48,7 +48,7 @@ struct Model {
     last = stream.beats.front().last;
   }
 
-  void take(Stream &stream, bool ready) {
+  void take(Stream& stream, bool ready) {
     if (!stream.offered || !ready) return;
     stream.beats.pop_front();
     stream.offered = false;
@@ -100,7 +100,7 @@ struct Model {
     return kTimedOut;
   }
 
-  int read(std::uint32_t address, std::uint32_t *data) {
+  int read(std::uint32_t address, std::uint32_t* data) {
     bool address_left = true;
     top->s_axi_araddr = address;
     for (std::uint64_t end = clocks + kPatience; clocks < end;) {
@@ -122,25 +122,25 @@ struct Model {
   }
 };
 
-Model &of(void *model) { return *static_cast<Model *>(model); }
+Model& of(void* model) { return *static_cast<Model*>(model); }
 
 }  // namespace
 
 #pragma GCC visibility push(default)
 extern "C" {
 
-void *bpn_create(unsigned seed) { return new Model(seed); }
-void bpn_destroy(void *model) { delete static_cast<Model *>(model); }
-void bpn_reset(void *model) { of(model).reset(); }
+void* bpn_create(unsigned seed) { return new Model(seed); }
+void bpn_destroy(void* model) { delete static_cast<Model*>(model); }
+void bpn_reset(void* model) { of(model).reset(); }
 
 // 0 done, 2 refused, -1 no answer.
-int bpn_write(void *model, std::uint32_t address, std::uint32_t data, std::uint32_t strobes) {
+int bpn_write(void* model, std::uint32_t address, std::uint32_t data, std::uint32_t strobes) {
   return of(model).write(address, data, strobes);
 }
-int bpn_read(void *model, std::uint32_t address, std::uint32_t *data) { return of(model).read(address, data); }
+int bpn_read(void* model, std::uint32_t address, std::uint32_t* data) { return of(model).read(address, data); }
 
 // Appends beats to a stream (0 pixels, 1 weights); `last` marks the last of them.
-void bpn_feed(void *model, int stream, const std::uint8_t *bytes, std::size_t beats, int last) {
+void bpn_feed(void* model, int stream, const std::uint8_t* bytes, std::size_t beats, int last) {
   const std::size_t size = stream == 0 ? PIXEL_BYTES : 4;
   for (std::size_t i = 0; i < beats; ++i) {
     Beat beat = {};
@@ -150,29 +150,29 @@ void bpn_feed(void *model, int stream, const std::uint8_t *bytes, std::size_t be
   }
 }
 
-std::size_t bpn_unsent(void *model, int stream) { return of(model).streams[stream].beats.size(); }
+std::size_t bpn_unsent(void* model, int stream) { return of(model).streams[stream].beats.size(); }
 
-void bpn_unfeed(void *model, int stream) {
+void bpn_unfeed(void* model, int stream) {
   of(model).streams[stream].beats.clear();
   of(model).streams[stream].offered = false;
 }
 
 // How many of 256 clocks are gaps: in the pixels, in the weights, in the answers of the registers' master.
-void bpn_dawdle(void *model, unsigned pixels, unsigned weights, unsigned registers) {
+void bpn_dawdle(void* model, unsigned pixels, unsigned weights, unsigned registers) {
   of(model).streams[0].gaps = pixels;
   of(model).streams[1].gaps = weights;
   of(model).delays = registers;
 }
 
-void bpn_run(void *model, std::uint64_t clocks) {
+void bpn_run(void* model, std::uint64_t clocks) {
   while (clocks-- > 0) of(model).step();
 }
 
 // Runs until the interrupt, at most so many clocks; 1 if it came.
-int bpn_run_to_interrupt(void *model, std::uint64_t clocks) {
+int bpn_run_to_interrupt(void* model, std::uint64_t clocks) {
   while (clocks-- > 0 && !of(model).top->irq) of(model).step();
   return of(model).top->irq;
 }
 
-std::uint64_t bpn_clocks(void *model) { return of(model).clocks; }
+std::uint64_t bpn_clocks(void* model) { return of(model).clocks; }
 }

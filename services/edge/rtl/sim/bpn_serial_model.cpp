@@ -46,8 +46,10 @@ struct Model {
       --receive_clocks;
     } else if (receive_bits > 0) {
       in = in >> 1 | unsigned{top->tx} << 9;
-      if (--receive_bits > 0) receive_clocks = kClocks - 1;
-      else if ((in & 1) == 0 && (in >> 9) == 1) received.push_back(in >> 1 & 255);
+      if (--receive_bits > 0)
+        receive_clocks = kClocks - 1;
+      else if ((in & 1) == 0 && (in >> 9) == 1)
+        received.push_back(in >> 1 & 255);
     } else if (!top->tx) {
       receive_bits = 10;
       receive_clocks = kClocks / 2;
@@ -56,22 +58,22 @@ struct Model {
   }
 };
 
-Model &of(void *model) { return *static_cast<Model *>(model); }
+Model& of(void* model) { return *static_cast<Model*>(model); }
 
 }  // namespace
 
 #pragma GCC visibility push(default)
 extern "C" {
 
-void *bpn_serial_create() { return new Model(); }
-void bpn_serial_destroy(void *model) { delete static_cast<Model *>(model); }
+void* bpn_serial_create() { return new Model(); }
+void bpn_serial_destroy(void* model) { delete static_cast<Model*>(model); }
 
-void bpn_serial_send(void *model, const std::uint8_t *bytes, std::size_t count) {
+void bpn_serial_send(void* model, const std::uint8_t* bytes, std::size_t count) {
   of(model).to_send.insert(of(model).to_send.end(), bytes, bytes + count);
 }
 
 // Runs until so many bytes have come, for at most so many clocks; how many came.
-std::size_t bpn_serial_receive(void *model, std::uint8_t *bytes, std::size_t count, std::uint64_t clocks) {
+std::size_t bpn_serial_receive(void* model, std::uint8_t* bytes, std::size_t count, std::uint64_t clocks) {
   std::size_t got = 0;
   while (got < count && clocks-- > 0) {
     of(model).step();
