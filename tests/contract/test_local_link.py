@@ -1,6 +1,8 @@
 """What goes past the router between two processes of one machine, and when nothing does."""
 
+import contextlib
 import os
+import resource
 import socket
 import tempfile
 import threading
@@ -143,6 +145,60 @@ def test_a_robot_that_begins_is_no_edge_of_the_others(
     for other in others:
         other.end.close()
     assert caplog.text.count("an edge of this machine is reached") <= 4
+
+
+def test_an_offer_that_is_made_again_makes_no_second_connection(
+    open_bus: OpenBus, edge: Edge, wait_for: WaitFor
+) -> None:
+    """As when the router is back: every frame would be sent, and answered, once more for each time."""
+    bus = open_bus()
+    robot = Robot(bus)
+    wait_for(lambda: reached(robot), "the edge to be connected")
+    token = robot.end._token
+    assert token is not None
+    for _ in range(MAX_CONNECTIONS):
+        token.close()
+        wait_for(lambda: not edge.end._offers, "the edge to hear that it is gone")
+        token = Token(bus, f"test/local/{robot.end._path.name}")
+        wait_for(lambda: edge.end._offers, "the edge to hear of it")
+    (offer,) = edge.end._offers.values()
+    assert not offer.is_set()
+    assert len(robot.end._connections) == 1
+    edge.connections[0].close()
+    wait_for(lambda: robot.lost == 1, "the robot to notice")
+    wait_for(lambda: reached(robot), "another connection while the offer stands")
+    assert len(robot.end._connections) == 1
+    token.close()
+    robot.end.close()
+
+
+def test_a_robot_that_is_out_of_descriptors_for_a_moment_takes_edges_in_later(
+    robot: Robot, wait_for: WaitFor, caplog: pytest.LogCaptureFixture
+) -> None:
+    _, most = resource.getrlimit(resource.RLIMIT_NOFILE)
+    with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as late:
+        free = os.dup(late.fileno())
+        os.close(free)
+        usual = resource.getrlimit(resource.RLIMIT_NOFILE)
+        resource.setrlimit(resource.RLIMIT_NOFILE, (free, most))
+        try:
+            late.connect(str(robot.end._path))
+            wait_for(lambda: "no edge is taken in past the router" in caplog.text, "the failure")
+        finally:
+            resource.setrlimit(resource.RLIMIT_NOFILE, usual)
+        wait_for(lambda: reached(robot), "the edge to be taken in")
+
+
+def test_an_edge_does_not_wait_for_a_robot_that_takes_nobody_in(own_folder: Path) -> None:
+    listener, path = local_socket.listen()
+    assert path.is_relative_to(own_folder)
+
+    def connect_many(connected: contextlib.ExitStack) -> None:
+        for _ in range(100):
+            connected.enter_context(local_socket.connect(path.name))
+
+    with listener, contextlib.ExitStack() as connected, pytest.raises(BlockingIOError):
+        connect_many(connected)
 
 
 def test_an_end_that_reads_nothing_costs_no_time_and_is_told(

@@ -52,7 +52,7 @@ def measure(
     """
     robot = make_robot(task)
     robot.reset(0)
-    actions = itertools.cycle(range(robot.task.actions))
+    actions = itertools.cycle(range(robot.task.joint_actions))
     wait = Ticks(period_s).wait
 
     def render() -> None:

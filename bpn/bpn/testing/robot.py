@@ -160,7 +160,7 @@ def _check_stop_in_motion(robot: CheckedRobot, seed: int) -> None:
         robot.advance(period_s)
         return None if any(robot.ended) else robot.frame()
 
-    for action in range(robot.task.actions):
+    for action in _some_actions(robot.task.dims, 0, seed):
         robot.reset(seed)
         still, next_ = later(), later()
         if still is None or next_ is None or not robot.alike(still, next_):
@@ -173,7 +173,7 @@ def _check_stop_in_motion(robot: CheckedRobot, seed: int) -> None:
         still, next_ = later(), later()
         assert still is None or next_ is None or robot.alike(still, next_), (
             f"{robot.who}: {PERIODS_TO_REST} control periods after stop() in motion it still moves "
-            f"(action {action}, {robot.task.action_names[action]!r})"
+            f"(action {action}, {robot.task.action_name(action)!r})"
         )
 
 

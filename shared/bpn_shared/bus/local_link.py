@@ -52,25 +52,35 @@ class LocalServer(Closing):
         self._sent, self._received = bus.traffic.sent(sent_key), bus.traffic.received(received_key)
         self._lock = threading.Lock()
         self._connections: tuple[LocalConnection, ...] = ()
-        self._closed = False
+        self._closing = threading.Event()
         self._token: Token | None = None
         try:
             self._listener, self._path = local_socket.listen()
         except OSError as error:
             log.info("everything goes through the router: %s", one_line(error))
-            self._closed = True
+            self._closing.set()
             return
         self._thread = threading.Thread(target=self._accept, name="local link", daemon=True)
         self._thread.start()
         self._token = Token(bus, key(self._path.name))
         bus.before_close(self.close)
 
+    @property
+    def _closed(self) -> bool:
+        return self._closing.is_set()
+
     def _accept(self) -> None:
+        failing = False
         while not self._closed:
             try:
                 accepted, _ = self._listener.accept()
-            except OSError:  # closed, or out of descriptors
-                return
+            except OSError as error:  # closed, or out of descriptors
+                if not (self._closed or failing):
+                    log.warning("no edge is taken in past the router: %s", one_line(error))
+                failing = True
+                self._closing.wait(_RETRY_MAX_S)
+                continue
+            failing = False
             try:
                 local_socket.check_peer(accepted)
             except OSError as error:
@@ -112,7 +122,7 @@ class LocalServer(Closing):
         with self._lock:
             if self._closed:
                 return
-            self._closed = True
+            self._closing.set()
             connections = self._connections
         if self._token is not None:
             self._token.close()
@@ -151,6 +161,8 @@ class LocalClient(Closing):
         self._lock = threading.Lock()
         self._offers: dict[str, threading.Event] = {}
         """By the socket's name, what is set when its offer has been taken back."""
+        self._followed: set[str] = set()
+        """Those that have a thread, as long as there is an offer or a connection."""
         self._connections: set[LocalConnection] = set()
         self._closed = False
         self._watch = TokenWatch(bus, pattern, self._on_token)
@@ -159,28 +171,43 @@ class LocalClient(Closing):
     def _on_token(self, key: str, stands: bool) -> None:
         name = key.rpartition("/")[2]
         with self._lock:
-            gone = self._offers.pop(name, None)
-            if gone is not None:
-                gone.set()
-            if not stands or self._closed or len(self._offers) >= MAX_CONNECTIONS:
+            if not stands:
+                gone = self._offers.pop(name, None)
+                if gone is not None:
+                    gone.set()
                 return
-            gone = self._offers[name] = threading.Event()
-        threading.Thread(
-            target=self._follow, args=(name, gone), name="local robot", daemon=True
-        ).start()
+            if self._closed or name in self._offers or len(self._offers) >= MAX_CONNECTIONS:
+                return
+            self._offers[name] = threading.Event()
+            if name in self._followed:  # offered before, and its connection may still be there
+                return
+            self._followed.add(name)
+        threading.Thread(target=self._follow, args=(name,), name="local robot", daemon=True).start()
 
-    def _follow(self, name: str, gone: threading.Event) -> None:
-        pauses = Backoff(_RETRY_FIRST_S, _RETRY_MAX_S)
-        while not gone.is_set():
+    def _follow(self, name: str) -> None:
+        pauses, said = Backoff(_RETRY_FIRST_S, _RETRY_MAX_S), ""
+        while (gone := self._standing(name)) is not None:
             try:
                 connection = LocalConnection(local_socket.connect(name), *self._sizes)
             except FileNotFoundError:  # the robot is on another machine
+                with self._lock:
+                    self._followed.discard(name)
                 return
             except OSError as error:
-                log.info("the robot is not reached past the router: %s", one_line(error))
+                if one_line(error) != said:
+                    said = one_line(error)
+                    log.info("the robot is not reached past the router: %s", said)
             else:
                 self._use(connection)
             gone.wait(pauses.next_s())
+
+    def _standing(self, name: str) -> threading.Event | None:
+        """The offer of that name; None: it has been taken back, and is followed no more."""
+        with self._lock:
+            offer = self._offers.get(name)
+            if offer is None:
+                self._followed.discard(name)
+            return offer
 
     def _use(self, connection: LocalConnection) -> None:
         with self._lock:
@@ -206,6 +233,7 @@ class LocalClient(Closing):
             self._closed = True
             for gone in self._offers.values():
                 gone.set()
+            self._offers.clear()
             connections = tuple(self._connections)
         for connection in connections:
             connection.close()

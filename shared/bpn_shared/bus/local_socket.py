@@ -68,11 +68,14 @@ def connect(name: str) -> socket.socket:
 
     Raises:
         FileNotFoundError: nobody on this machine, or it is another user.
-        OSError: there is such a socket, and nobody listens at it (any more), or it is another user's.
+        OSError: there is such a socket, and nobody listens at it (any more), too many wait there already, or it is
+            another user's.
     """
     connection = socket.socket(*_KIND)
     try:
+        connection.setblocking(False)  # who takes nobody in is asked again later
         connection.connect(str(directory() / Path(name).name))
+        connection.setblocking(True)
         check_peer(connection)
     except OSError:
         connection.close()

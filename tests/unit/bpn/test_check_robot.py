@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from bpn.testing import check_robot
 from bpn_robot.frame import Frame
-from bpn_robot.robot import RobotFault
+from bpn_robot.robot import RobotFault, check_action
 
 
 class Closed(Bar):
@@ -276,6 +276,21 @@ def test_each_way_not_to_keep_to_it_is_one_sentence(make: Callable[[], Any], sai
     sentence = str(caught.value)
     assert sentence.startswith(("robot 'bar': ", "SimpleNamespace: "))
     assert "\n" not in sentence
+
+
+def test_each_choice_of_each_dimension_is_stopped_in_motion() -> None:
+    class Sideways(Runaway):
+        """The last choice of its first dimension moves it, so the last actions of all do."""
+
+        def command(self, action: int) -> None:
+            self.speed_px_s = 20.0 * (self.task.choices(check_action(self.task, action))[0] == 2)
+
+    names = tuple(f"{joint} {choice}" for joint in ("wheel", "light") for choice in range(3))
+    task = spec(action_names=names, action_dims=(3, 3), hold_action=0)
+    with pytest.raises(
+        AssertionError, match=r"it still moves \(action [678], 'wheel 2, light \d'\)"
+    ):
+        check_robot(Sideways(task))
 
 
 @pytest.mark.parametrize(("reward", "said"), [
