@@ -19,7 +19,7 @@ from bpn_dashboard.registry.query_language import (
 )
 from bpn_shared.spec.config import RunConfig
 
-texts = st.text(min_size=1, max_size=8)
+texts = st.text(st.characters(exclude_characters="\0"), min_size=1, max_size=8)
 fields = st.from_regex(r"[a-z_][a-z0-9_.\-/]{0,8}", fullmatch=True)
 comparisons = st.builds(
     lambda field, operator, values: Comparison(
@@ -128,6 +128,10 @@ def test_words_are_joined_and_operators_bind_as_one_expects() -> None:
         ("x and backend>2", 14, "is no number"),
         ("hidden_units=many", 13, "valid integer"),
         ("(" * 60 + "a" + ")" * 60, 50, "within each other"),
+        ("a " * 900, 400, "at most 200 words"),
+        ('"' + "a " * 900 + '"', 0, "at most 200 words"),
+        ("alpha=" + "1," * 900 + "1", 406, "at most 200 words"),
+        ("name:a\0b", 6, "no text has"),
     ],
 )
 def test_what_is_wrong_is_told_with_its_place(store, query: str, position: int, why: str) -> None:
@@ -135,6 +139,14 @@ def test_what_is_wrong_is_told_with_its_place(store, query: str, position: int, 
         store.find(RunFilter(query=query))
     assert isinstance(caught.value, FilterError)
     assert caught.value.position == position
+
+
+@pytest.mark.parametrize(
+    "query",
+    ["a " * 200, "a or " * 199 + "a", "alpha=" + "1," * 199 + "1", "not " * 49 + "a " * 199],
+)
+def test_the_database_takes_what_the_language_takes(store, query: str) -> None:
+    assert store.find(RunFilter(query=query)) == []
 
 
 @pytest.fixture

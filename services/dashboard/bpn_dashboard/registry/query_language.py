@@ -21,6 +21,8 @@ from bpn_dashboard.registry.errors import FilterError
 Operator = Literal[":", "=", "!=", "<", "<=", ">", ">="]
 MOST_CHARACTERS = 2000
 _MOST_NESTED = 50
+_MOST_VALUES = 200
+"""Values and words together: databases take conditions of some hundred parts, not of a thousand."""
 
 _SPACE = re.compile(r"\s*")
 _FIELD = re.compile(r'([^\W\d][^\s()"<>=!:,]*)\s*(<=|>=|!=|=|:|<|>)\s*')
@@ -99,12 +101,14 @@ def parse(text: str) -> Node | None:
     """
     if len(text) > MOST_CHARACTERS:
         raise QueryError(f"a query has at most {MOST_CHARACTERS} characters", MOST_CHARACTERS)
+    if "\0" in text:  # which no database can look for
+        raise QueryError("there is a character that no text has", text.index("\0"))
     return _Parser(text).whole()
 
 
 class _Parser:
     def __init__(self, text: str) -> None:
-        self._text, self._at, self._nested = text, 0, 0
+        self._text, self._at, self._nested, self._values_seen = text, 0, 0, 0
 
     def whole(self) -> Node | None:
         self._skip()
@@ -197,6 +201,13 @@ class _Parser:
         return tuple(values)
 
     def _value(self, pattern: re.Pattern[str]) -> str:
+        begin, value = self._at, self._read(pattern)
+        self._values_seen += max(1, len(value.split()))
+        if self._values_seen > _MOST_VALUES:
+            raise QueryError(f"a query has at most {_MOST_VALUES} words and values", begin)
+        return value
+
+    def _read(self, pattern: re.Pattern[str]) -> str:
         if (quoted := self._match(_QUOTED)) is not None:
             return _ESCAPE.sub(r"\1", quoted[1])
         if not self._done and self._text[self._at] == '"':
