@@ -34,8 +34,8 @@ THEMES: tuple[Literal["light"], Literal["dark"]] = ("light", "dark")
 COLOURS = 160
 SWEEP = {
     "name": "alpha by hidden units",
-    "config": {"task": "reaching", "iterations": 12},
-    "grid": {"alpha": [0.5, 0.8, 0.95], "hidden_units": [64, 256]},
+    "config": {"task": "reaching", "iterations": 8, "episodes": 5, "epochs": 4},
+    "grid": {"alpha": [0.5, 0.8, 0.95], "hidden_units": [32, 128]},
     "seeds": [0, 1],
 }
 

@@ -7,8 +7,10 @@ from typing import Any
 import pytest
 from axe_playwright_python.sync_playwright import Axe
 from playwright.sync_api import BrowserContext, Page, expect
+from written_runs import make_run
 
 WCAG = {"runOnly": ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "wcag22aa", "best-practice"]}
+START_DIALOGS = {"Start a run": "One run", "Start a sweep": "Sweep"}
 
 
 def test_the_printed_link_opens_a_session_once(
@@ -32,6 +34,14 @@ def test_the_printed_link_opens_a_session_once(
     expect(elsewhere.get_by_role("textbox")).to_be_visible()
 
 
+@pytest.fixture(scope="module")
+def compared(dashboard: Any, wait_for: Callable[..., None]) -> None:
+    """Two values of alpha with two seeds each, so that pages that compare have something to say."""
+    for alpha in (0.5, 0.95):
+        for seed in (0, 1):
+            make_run(dashboard, wait_for, alpha=alpha, seed=seed)
+
+
 def views(run: str) -> dict[str, str]:
     tabs = ("curves", "live", "episodes", "files", "config", "logs")
     return {
@@ -46,6 +56,7 @@ def views(run: str) -> dict[str, str]:
         "parallel": "?page=compare&task=reaching&tab=parallel",
         "queue": "?page=queue",
         "runs, a wrong query": "?page=runs&query=alpha%3E",
+        "trash": "?page=trash",
         "system": "?page=system",
         "nowhere": "?page=nowhere",
         **{f"run, {tab}": f"?page=run&run={run}&tab={tab}" for tab in tabs},
@@ -68,6 +79,7 @@ def settle(page: Page) -> None:
     )
 
 
+@pytest.mark.usefixtures("compared")
 @pytest.mark.parametrize("theme", ["light", "dark"])
 def test_axe_finds_nothing(
     sign_in: Callable[..., Page], dashboard: Any, watch: Any, finished: str, theme: str
@@ -91,9 +103,11 @@ def test_axe_finds_nothing(
 def test_axe_finds_nothing_in_the_start_dialog(sign_in: Callable[..., Page], theme: str) -> None:
     page = sign_in(color_scheme=theme)
     page.get_by_role("button", name="Start run").click()
-    expect(page.get_by_role("dialog", name="Start a run")).to_be_visible()
-    results = Axe().run(page, options=WCAG)
-    assert results.violations_count == 0, results.generate_report()
+    for name, kind in START_DIALOGS.items():
+        page.get_by_role("dialog").get_by_role("button", name=kind, exact=True).click()
+        expect(page.get_by_role("dialog", name=name)).to_be_visible()
+        results = Axe().run(page, options=WCAG)
+        assert results.violations_count == 0, results.generate_report()
 
 
 WIDE = """[...document.querySelectorAll('body *:not(nav *)')]
@@ -102,6 +116,7 @@ WIDE = """[...document.querySelectorAll('body *:not(nav *)')]
   .map((element) => `${element.outerHTML.slice(0, 100)}: ${element.scrollWidth} px`)"""
 
 
+@pytest.mark.usefixtures("compared")
 def test_no_page_is_wider_than_a_phone(
     sign_in: Callable[..., Page], dashboard: Any, watch: Any, finished: str
 ) -> None:
@@ -112,6 +127,14 @@ def test_no_page_is_wider_than_a_phone(
         settle(page)
         width = page.evaluate("document.documentElement.scrollWidth")
         assert width <= 360, f"{name} is {width} px wide: {page.evaluate(WIDE)}"
+    page.goto(f"{dashboard.url}?page=runs")
+    page.get_by_role("button", name="Start run").click()
+    dialog = page.get_by_role("dialog")
+    for name, kind in START_DIALOGS.items():
+        dialog.get_by_role("button", name=kind, exact=True).click()
+        expect(page.get_by_role("dialog", name=name)).to_be_visible()
+        width = dialog.evaluate("dialog => dialog.scrollWidth")
+        assert width <= 360, f"the dialog is {width} px wide: {page.evaluate(WIDE)}"
 
 
 def test_everything_by_keyboard_alone(page: Page, finished: str) -> None:

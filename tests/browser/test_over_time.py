@@ -1,55 +1,13 @@
 """What one sees of the past: logs that grow, alerts, load, where attempts were made."""
 
 import re
-from datetime import UTC, datetime
 from typing import Any
-from uuid import UUID
 
-import uuid_utils
 from playwright.sync_api import Page, expect
-
-from bpn_shared.runs.environment import Environment, write_environment
-from bpn_shared.runs.folder import RunFolder
-from bpn_shared.spec.config import RunConfig
+from written_runs import make_run, say
 
 AT_END = "log => log.scrollHeight - log.scrollTop - log.clientHeight < 24"
 TRACEBACK = "it failed\nTraceback (most recent call last):\n" + "  File x\n" * 40 + "Error: no GPU"
-
-
-def say(folder: RunFolder, first: int, lines: int, text: str = "said") -> None:
-    with (folder.logs / "learner.log").open("a") as log:
-        for i in range(first, first + lines):
-            at = datetime.fromtimestamp(1.79e9 + i, UTC).strftime("%Y-%m-%dT%H:%M:%S.000Z")
-            log.write(f"{at} learner INFO {text} {i}\n")
-
-
-def make_run(
-    dashboard: Any, wait_for: Any, *, attempts: int = 2, each: int = 10, error: str = ""
-) -> RunFolder:
-    """A run that another program made: resumed once, failed or finished, with a long log."""
-    run = UUID(str(uuid_utils.uuid7()))
-    folder = RunFolder.create(
-        dashboard.runs_dir, run, RunConfig.for_task("reaching", iterations=20)
-    )
-    folder.logs.mkdir(exist_ok=True)
-    with folder.owned("learner-1") as owner:
-        for attempt in range(attempts):
-            owner.begin_attempt()
-            here = Environment.here(owner.attempt, "learner-1")
-            here = here.model_copy(update={"host": f"machine-{attempt}"})
-            write_environment(folder, here, prove=owner.prove)
-            for i in range(each * attempt, each * attempt + each):
-                folder.append_metrics(
-                    {
-                        "iteration": i, "attempt": owner.attempt, "return_px": -300.0 + i, "length": 20.0,
-                        "loss": None if i > 14 else 0.5, "weights_version": i + 1, "iteration_s": 5.0,
-                        "time_unix_s": 1.79e9 + 5 * i + 86_400 * attempt,
-                    }
-                )  # fmt: skip
-        owner.set_state("failed" if error else "finished", error=error)
-    say(folder, 0, 300)
-    wait_for(lambda: str(run) in {one["id"] for one in dashboard.runs()}, "the run to be found")
-    return folder
 
 
 def test_a_log_is_followed_until_its_reader_scrolls_away(

@@ -10,8 +10,10 @@ from uuid import UUID
 import pytest
 from registry_world import Puppet, Registry, WaitFor, state_of
 
+from bpn_dashboard.database.tables import RunRow
 from bpn_dashboard.registry import desk
 from bpn_dashboard.registry import dispatcher as dispatching
+from bpn_dashboard.registry.queue import move
 from bpn_dashboard.registry.view import RegistryView
 from bpn_shared.bus import keys
 from bpn_shared.bus.liveliness import Token
@@ -51,6 +53,36 @@ def test_workers_get_the_oldest_run_and_lose_it_when_it_shall_stop(
     edge.give_back()
     wait_for(lambda: state_of(registry, first) == "stopped", "the run to be seen stopped")
     assert idle.work(wait_for).run == second.id
+
+
+def test_a_worker_gets_the_run_of_the_highest_priority_and_keeps_the_one_it_has(
+    registry: Registry,
+    hire: Callable[[Role], Puppet],
+    wait_for: WaitFor,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(dispatching, "STALLS_S", 0.05)
+    worked_on = registry.store.create(CONFIG, actor="test")
+    learner = hire("learner")
+    learner.work(wait_for)
+    oldest, middle, newest = (registry.store.create(CONFIG, actor="test") for _ in range(3))
+
+    def wait_until_last(row: RunRow) -> None:
+        def is_last() -> bool:
+            return "2 runs before it" in (registry.store.get(row.id).waiting_reason or "")
+
+        wait_for(is_last, "the queue to be in order")
+
+    wait_until_last(newest)
+    move(registry.store, [newest.id], "front", "test")
+    wait_until_last(middle)
+    move(registry.store, [oldest.id], "back", "test")
+    wait_until_last(oldest)
+    others = [hire("learner") for _ in range(3)]
+    got = [other.work(wait_for).run for other in others]
+    assert got == [newest.id, middle.id, oldest.id]
+    assert not learner.released
+    assert registry.store.get(worked_on.id).priority == 0
 
 
 def test_a_registry_is_alive_while_its_rounds_go_on(
