@@ -127,6 +127,11 @@ def test_no_page_is_wider_than_a_phone(
         settle(page)
         width = page.evaluate("document.documentElement.scrollWidth")
         assert width <= 360, f"{name} is {width} px wide: {page.evaluate(WIDE)}"
+        out_of_sight = page.evaluate(
+            "(nav) => nav.scrollWidth - nav.clientWidth",
+            page.get_by_role("navigation", name="Pages").element_handle(),
+        )
+        assert out_of_sight <= 0, f"{name}: not all pages of the navigation are in sight"
     page.goto(f"{dashboard.url}?page=runs")
     page.get_by_role("button", name="Start run").click()
     dialog = page.get_by_role("dialog")

@@ -168,6 +168,20 @@ def test_what_happened_while_nobody_looked_is_told_and_the_past_is_not(
     assert look(time.time()) == []
 
 
+def test_an_old_failure_is_no_news_where_its_run_is_tagged(
+    database: Database, store: RunStore
+) -> None:
+    run = store.create(CONFIG, actor="a")
+    store.observe({run.id: {"state": "failed", "error": "x"}})
+    watch = AlertWatch(
+        database, store, SeriesQueries(database),
+        lambda: TopologySnapshot(time_unix_s=0.0, nodes=[], links=[]), [],
+    )  # fmt: skip
+    assert watch.look(time.time() + 3600.0) == []
+    store.edit(run.id, "tag", "a", lambda _row: {"tags": ["seen"]})
+    assert watch.look(time.time()) == []
+
+
 def test_what_is_queued_or_over_is_no_stall(store: RunStore) -> None:
     run = store.create(CONFIG, actor="a")
     store.observe({run.id: {"waiting_reason": "waits for a learner", "waiting_since": 1.0}})
@@ -259,7 +273,10 @@ def test_an_address_or_secret_that_is_none_is_refused(tmp_path: Path) -> None:
     assert Webhook.read("https://example.org/hook", secret) == Webhook(
         "https://example.org/hook", SECRET
     )
-    for url in ("file:///etc/passwd", "example.org", "https://me@example.org", "http://"):
+    for url in (
+        "file:///etc/passwd", "example.org", "https://me@example.org", "http://", "http://[::1/hook",
+        "http://example.org:port/", "http://example.org/h\u00f6ren", "http://example.org/a b",
+    ):  # fmt: skip
         with pytest.raises(ConfigError, match="--alert-webhook"):
             Webhook.read(url, secret)
     with pytest.raises(ConfigError, match="--alert-secret"):

@@ -31,22 +31,23 @@ class Trouble:
     Attributes:
         subject: the run or worker that it is about.
         text: one sentence.
+        past: it is known, and was so for long: nobody is told, also where its run is changed, as by a tag.
     """
 
     kind: Kind
     subject: str
     run: str | None
     text: str
+    past: bool = False
 
 
 def of_runs(rows: Iterable[RunRow], now_s: float) -> Iterator[Trouble]:
     """Of runs that failed, and of those that are worked on and make no progress."""
     for row in rows:
         if row.state == "failed":
-            if now_s - row.updated_at > NEWS_S:
-                continue
+            past = now_s - row.updated_at > NEWS_S
             reason = row.error.strip().splitlines()[-1:] or ["nobody said why"]
-            yield Trouble("failed", row.id, row.id, f"{row.name} failed: {reason[0][:300]}")
+            yield Trouble("failed", row.id, row.id, f"{row.name} failed: {reason[0][:300]}", past)
         elif row.state != "queued" and row.waiting_reason and row.waiting_since is not None:
             for_s = now_s - row.waiting_since
             if for_s >= STALLED_AFTER_S:
@@ -111,4 +112,4 @@ class Standing:
     def news(self, troubles: Sequence[Trouble]) -> list[Trouble]:
         """Those that were not there at the last look."""
         before, self._known = self._known, {(one.kind, one.subject) for one in troubles}
-        return [one for one in troubles if (one.kind, one.subject) not in before]
+        return [one for one in troubles if (one.kind, one.subject) not in before and not one.past]

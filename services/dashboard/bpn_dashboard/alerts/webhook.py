@@ -49,14 +49,10 @@ class Webhook:
         Raises:
             ConfigError: the URL is no plain http or https one, or the secret cannot be read or is too short.
         """
-        parts = urlsplit(url)
-        if (
-            parts.scheme not in ("http", "https")
-            or not parts.hostname
-            or parts.username is not None
-        ):
+        if not _is_plain(url):
             raise ConfigError(
-                f"--alert-webhook {url}: must be http://NAME... or https://NAME..., without a user"
+                f"--alert-webhook {url}: must be http://NAME... or https://NAME..., without a user, and what is "
+                "not ASCII or a space in it written as %XX"
             )
         try:
             secret = secret_file.read_bytes().strip()
@@ -68,6 +64,23 @@ class Webhook:
                 "`openssl rand -hex 32`"
             )
         return cls(url, secret)
+
+
+def _is_plain(url: str) -> bool:
+    """Whether a request can be sent there."""
+    try:
+        parts = urlsplit(url)
+        return (
+            parts.scheme in ("http", "https")
+            and bool(parts.hostname)
+            and parts.username is None
+            and parts.port != 0
+            and url.isascii()
+            and url.isprintable()
+            and " " not in url
+        )
+    except ValueError:  # its port is no number, or its address none
+        return False
 
 
 def signature(secret: bytes, at_s: int, body: bytes) -> str:
