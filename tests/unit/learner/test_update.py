@@ -1,6 +1,7 @@
 """Algorithm 1's PolicyUpdate: what it computes, that it learns, and that it repeats itself bit by bit."""
 
 from dataclasses import replace
+from functools import partial
 from typing import Literal
 
 import numpy as np
@@ -58,20 +59,25 @@ def update(network: PNetwork, settings: UpdateConfig, seed: int = 0) -> UpdateRe
     return policy_update(network, optimizer, transitions(), settings, np.random.default_rng(seed))
 
 
+@pytest.mark.parametrize("difference", [False, True])
 @pytest.mark.parametrize("frames_stacked", [1, 2, 3])
-def test_observations_are_the_stacked_frames_of_their_episode(frames_stacked: int) -> None:
+def test_observations_are_the_stacked_frames_of_their_episode(
+    frames_stacked: int, difference: bool
+) -> None:
     episodes = [episode(0, 4, 2, terminated=True), episode(1, 1, 2), episode(2, 6, 2)]
-    data = Transitions.from_episodes(episodes, frames_stacked=frames_stacked)
+    data = Transitions.from_episodes(episodes, frames_stacked=frames_stacked, difference=difference)
+    seen = partial(stack, frames_stacked=frames_stacked, difference=difference)
     steps = [(e, t) for e in episodes for t in range(len(e.actions))]
-    now = [stack(list(e.frames), t, frames_stacked) for e, t in steps]
-    after = [stack(list(e.frames), t + 1, frames_stacked) for e, t in steps]
+    now = [seen(list(e.frames), t) for e, t in steps]
+    after = [seen(list(e.frames), t + 1) for e, t in steps]
     assert np.array_equal(data.gather(data.observations).numpy(), np.stack(now))
     assert np.array_equal(data.gather(data.next_observations).numpy(), np.stack(after))
     assert data.done.tolist() == [e.terminated and t == len(e.actions) - 1 for e, t in steps]
     assert data.actions.tolist() == [int(e.actions[t]) for e, t in steps]
     assert data.rewards.tolist() == [float(np.float32(e.rewards[t])) for e, t in steps]
     assert len(data) == len(steps)
-    assert len(data.frames) == sum(len(e.frames) for e in episodes)
+    kept = frames_stacked if difference else 1
+    assert len(data.frames) == kept * sum(len(e.frames) for e in episodes)
 
 
 def test_episodes_that_do_not_fit_are_refused() -> None:
