@@ -267,6 +267,13 @@ def test_no_alert_is_tried_for_ever_or_elsewhere(receiver, statuses, tries, said
     assert [path for path, _, _ in receiver.got] == ["/hook"] * tries
 
 
+def test_a_name_that_is_none_does_not_end_the_sending() -> None:
+    url = f"http://{'a' * 70}.example/"
+    alerts = [{"id": 1}, {"id": 2}]
+    deliveries, _ = deliver(url, alerts, lambda counts: counts.get("alerts_not_sent") == 2)
+    assert "cannot be reached" in deliveries.trouble
+
+
 def test_an_address_or_secret_that_is_none_is_refused(tmp_path: Path) -> None:
     secret = tmp_path / "secret"
     secret.write_bytes(SECRET + b"\n")

@@ -172,7 +172,7 @@ class Deliveries:
             redirected = HTTPStatus.MULTIPLE_CHOICES <= error.code < HTTPStatus.BAD_REQUEST
             said = "redirects, which is not followed" if redirected else "refuses it"
             return f"the webhook {said} ({error.code})", again and not redirected
-        except (URLError, OSError, http.client.HTTPException) as error:
+        except (URLError, OSError, UnicodeError, http.client.HTTPException) as error:
             return f"the webhook cannot be reached: {one_line(error)}", True
 
     def _not_sent(self, reason: str) -> None:

@@ -68,6 +68,15 @@ test.each([320, 900])('every figure stays in its picture of %d pixels', (width) 
   inside(distributionsOf([0, 1, 2], [{ ...group, shares: [0.25, 0.75] }], width, INK, 'x'));
 }); // prettier-ignore
 
+test('a picture of profiles says which line is whose', () => {
+  const one = { key: 'k', colour: '#123456', dash: [], share: [1, 0], low: [1, 0], high: [1, 0] };
+  const groups = Array.from({ length: 7 }, (_, i) => ({ ...one, label: `alpha=0.${i}` }));
+  const drawing = profilesOf([0, 1], groups, 320, 200, INK, 'x');
+  inside(drawing);
+  const texts = drawing.marks.flatMap((mark) => (mark.kind === 'text' ? [mark.text] : []));
+  expect(texts).toEqual(expect.arrayContaining(groups.map((group) => group.label)));
+});
+
 test('a line stops where a run has no value', () => {
   const columns = ['config.alpha', 'metric.loss.last', 'config.crop'];
   const [, second] = linesOfRuns(VALUES, columns, 'light');

@@ -19,6 +19,8 @@ export interface DotGroup {
 }
 
 const ROW_PX = 40;
+const LEGEND_ROW_PX = 18;
+const STROKE_PX = 26;
 const LETTER_PX = 6.4; // of 12 px text, on average: only how much room a label gets depends on it
 
 /** A row per group: a dot per seed, the interquartile mean as a stroke, its interval as a bar. */
@@ -116,7 +118,31 @@ export function profilesOf(
       line(share.map((one, i) => [x(thresholds[i] ?? 0), y(one)] as const), colour, 2, { dash, title }),
     ); // prettier-ignore
   }
-  return { width: widthPx, height: heightPx, background: ink.background, marks };
+  const legend = legendOf(groups, frame.left, heightPx + 8, frame.right, ink);
+  marks.push(...legend.marks);
+  return { width: widthPx, height: legend.bottom, background: ink.background, marks };
+}
+
+/** Strokes with what they stand for, in rows from a first baseline on: a saved picture has nothing beside it. */
+function legendOf(
+  lines: readonly Pick<ProfileLine, 'label' | 'colour' | 'dash'>[],
+  left: number,
+  top: number,
+  right: number,
+  ink: Ink,
+): { marks: Mark[]; bottom: number } {
+  const marks: Mark[] = [];
+  let [x, y] = [left, top];
+  for (const { label: text, colour, dash } of lines) {
+    const room = Math.min(text.length * LETTER_PX, right - left - STROKE_PX);
+    if (x > left && x + STROKE_PX + room > right) [x, y] = [left, y + LEGEND_ROW_PX];
+    marks.push(
+      line([[x, y - 4], [x + STROKE_PX - 6, y - 4]], colour, 2, { dash }),
+      label(x + STROKE_PX, y, clipped(text, room + LETTER_PX), ink.text, { title: text }),
+    ); // prettier-ignore
+    x += STROKE_PX + room + 16;
+  }
+  return { marks, bottom: y + 10 };
 }
 
 export interface Histogram {
