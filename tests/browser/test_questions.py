@@ -17,6 +17,7 @@ def test_a_newcomer_compares_without_typing(page: Page, dashboard: Any) -> None:
     conclusion = page.get_by_role("status").filter(has_text="alpha=0.95")
     expect(conclusion).to_contain_text("3 seeds each", timeout=180_000)
     expect(conclusion).to_contain_text("run at least 4 of each")
+    expect(page.get_by_role("main")).to_contain_text(re.compile(r"Compare\s*6 runs\s*6\s*finished"))
     groups = page.get_by_role("region", name="Groups")
     expect(groups.get_by_role("row")).to_have_count(3)
     groups.get_by_role("button", name="Baseline: alpha=0.95").click()

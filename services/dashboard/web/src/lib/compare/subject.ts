@@ -41,8 +41,17 @@ async function readChosen(
     else if (result.reason?.status === 404) unknown.push(ids[i] ?? '');
     else throw result.reason;
   });
+  return { ...ofChosen(chosen), unknown };
+}
+
+/** With what was told of chosen runs since they were read. */
+export function withNewer(known: SubjectRuns, newer: ReadonlyMap<string, Run>): SubjectRuns {
+  return { ...known, ...ofChosen(known.chosen.map((run) => newer.get(run.id) ?? run)) };
+}
+
+function ofChosen(chosen: Run[]): Omit<SubjectRuns, 'unknown'> {
   const furthest = chosen.toSorted((a, b) => b.iteration - a.iteration)[0] ?? null;
-  return { overview: overviewOf(chosen), chosen, furthest, unknown };
+  return { overview: overviewOf(chosen), chosen, furthest };
 }
 
 /** What the server says of a filter's runs, of runs that are at hand. */
