@@ -20,14 +20,14 @@ CONFIG = RunConfig.for_task("reaching")
 
 
 def snapshot(
-    cpu_percent: float, *, state: str = "live", run: str | None = None
+    cpu_percent: float, *, state: str = "live", run: str | None = None, worker: str = "edge-1"
 ) -> TopologySnapshot:
     flow = Flow(
         key="k", direction="sent", messages=9, bytes=9, dropped=1,
         messages_per_s=3.0, bytes_per_s=3.0, dropped_per_s=0.5,
     )  # fmt: skip
     service = Node(
-        kind="edge", id="edge-1", state=state, age_s=0.1, run=run, slot=0, host="h",
+        kind="edge", id=worker, state=state, age_s=0.1, run=run, slot=0, host="h",
         cpu_percent=cpu_percent, rss_bytes=1000, flows=[flow, flow],
     )  # fmt: skip
     return TopologySnapshot(time_unix_s=0.0, nodes=[service], links=[])
@@ -68,6 +68,21 @@ def test_samples_are_bounded(database: Database, monkeypatch: pytest.MonkeyPatch
         samples.take(now_s - 500 + i * PERIOD_S)
     [left] = samples.read(now_s - 2000, 2000)
     assert 5 <= len(left.at) <= 6
+
+
+def test_of_many_services_those_that_were_there_last_are_told(
+    database: Database, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(samples_module, "MOST_SERVICES", 3)
+    shown = [snapshot(0.0)]
+    samples, now_s = Samples(database, lambda: shown[0]), int(time.time())
+    for i in range(5):  # each restart is another service
+        shown[0] = snapshot(1.0, worker=f"edge-{i}")
+        for second in range(2):
+            samples.take(now_s - 600 + 100 * i + second * PERIOD_S)
+    found = samples.read(now_s - 3600, 1000)
+    assert [one.worker for one in found] == ["edge-2", "edge-3", "edge-4"]
+    assert {len(one.at) for one in found} == {2}
 
 
 def test_runs_are_measured_when_they_changed(

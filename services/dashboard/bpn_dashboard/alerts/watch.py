@@ -8,7 +8,14 @@ from typing import Any
 
 from sqlalchemy import delete, func, select
 
-from bpn_dashboard.alerts.rules import Standing, Trouble, of_returns, of_robots, of_runs
+from bpn_dashboard.alerts.rules import (
+    NEWS_S,
+    Standing,
+    Trouble,
+    of_returns,
+    of_robots,
+    of_runs,
+)
 from bpn_dashboard.database.engine import Database
 from bpn_dashboard.database.tables import RunRow
 from bpn_dashboard.database.watch_tables import AlertRow
@@ -22,7 +29,7 @@ log = logging.getLogger(__name__)
 PERIOD_S = 5.0
 MOST_KEPT = 1000
 _RETURNS_EVERY_S = 30.0
-_LOOKED_AT = ("running", "stopping", "lost", "failed")
+_WORKED_ON = ("running", "stopping", "lost")
 
 Tell = Callable[[Mapping[str, Any]], None]
 
@@ -54,9 +61,10 @@ class AlertWatch:
     def look(self, now_s: float | None = None) -> list[dict[str, Any]]:
         """The new alerts, which were stored and told."""
         now_s = time.time() if now_s is None else now_s
-        rows = self._runs.find(RunFilter(states=_LOOKED_AT))
+        rows = self._runs.find(RunFilter(states=_WORKED_ON))
         self._look_at_returns([row for row in rows if row.state == "running"], now_s)
-        troubles = [*of_runs(rows, now_s), *of_robots(self._topology().nodes, rows)]
+        troubles = [*of_runs(rows, now_s), *self._failed(now_s)]
+        troubles += of_robots(self._topology().nodes, rows)
         troubles += [trouble for _, trouble in self._returns.values() if trouble is not None]
         if self._standing is None:
             with self._database.reading() as session:
@@ -71,6 +79,18 @@ class AlertWatch:
             for tell in self._tell:
                 tell(alert)
         return alerts
+
+    def _failed(self, now_s: float) -> list[Trouble]:
+        """All runs that failed; of those that did so long ago, and may be many, no more than which they are."""
+        failed = RunRow.state == "failed"
+        with self._database.reading() as session:
+            everyone = session.scalars(select(RunRow.id).where(failed)).all()
+            new = session.scalars(select(RunRow).where(failed, RunRow.updated_at > now_s - NEWS_S))
+            news = list(of_runs(new, now_s))
+        told = {one.subject for one in news}
+        return news + [
+            Trouble("failed", run, run, "", past=True) for run in everyone if run not in told
+        ]
 
     def _look_at_returns(self, rows: Sequence[RunRow], now_s: float) -> None:
         running = {row.id for row in rows}

@@ -14,6 +14,8 @@ from bpn_dashboard.hub.topology import Node, TopologySnapshot
 
 log = logging.getLogger(__name__)
 
+MOST_SERVICES = 200
+"""In one answer; each restart of a service is another one."""
 PERIOD_S = 15.0
 KEPT_S = 7 * 86_400.0
 MOST_ROWS = 500_000
@@ -70,7 +72,7 @@ class Samples:
         return len(rows)
 
     def read(self, since_s: float, max_points: int) -> list[History]:
-        """Every service since then, in at most about so many buckets.
+        """The services since then, in at most about so many buckets; of very many those that were there last.
 
         Args:
             since_s: Unix seconds.
@@ -78,12 +80,19 @@ class Samples:
         now = int(time.time())
         width = max(int(PERIOD_S), -(-int(now - since_s) // max_points))
         bucket = SampleRow.at // width
+        newest = (
+            select(SampleRow.worker)
+            .where(SampleRow.at >= since_s)
+            .group_by(SampleRow.worker)
+            .order_by(func.max(SampleRow.at).desc(), SampleRow.worker)
+            .limit(MOST_SERVICES)
+        )
         wanted = (
             select(
                 SampleRow.worker, SampleRow.kind, SampleRow.run, SampleRow.slot, SampleRow.host,
                 func.min(SampleRow.at), *(func.avg(getattr(SampleRow, name)) for name in _VALUES),
             )
-            .where(SampleRow.at >= since_s)
+            .where(SampleRow.at >= since_s, SampleRow.worker.in_(newest))
             .group_by(
                 SampleRow.worker, SampleRow.kind, SampleRow.run, SampleRow.slot, SampleRow.host, bucket
             )
@@ -95,12 +104,13 @@ class Samples:
         for worker, kind, run, slot, host, at, *values in rows:
             # A worker changes its run: it is one line, called by what it does last.
             before = found.get(worker)
-            columns: list[list[float | None]] = (
-                [getattr(before, name) for name in _VALUES] if before else [[] for _ in _VALUES]
-            )
+            moments: list[int] = before.at if before else []
+            columns: list[list[float | None]] = [
+                getattr(before, name) if before else [] for name in _VALUES
+            ]
+            moments.append(int(at))
             for column, value in zip(columns, values, strict=True):
                 column.append(None if value is None else float(value))
-            moments = [*(before.at if before else []), int(at)]
             found[worker] = History(worker, kind, run, slot, host, moments, *columns)
         return list(found.values())
 
