@@ -196,11 +196,13 @@ def pictures_of_many(visit: Visit) -> None:
     visit.wait(
         lambda: states().get("finished", 0) >= 5, "the first runs of the sweep", SWEEP_DEADLINE_S
     )
-    visit.open("?page=runs&columns=name,state,algorithm,seed,config.alpha,config.hidden_units,"
+    visit.open("?page=runs&columns=name,state,seed,config.alpha,config.hidden_units,"
                "iteration,return_last,return_best,updated")  # fmt: skip
     expect(page.get_by_role("region", name="Runs").get_by_role("rowheader")).to_have_count(13)
+    start = page.get_by_role("button", name="Start run")
+    expect(start).to_be_enabled()  # who is signed in is known
     visit.take("runs")
-    page.get_by_role("button", name="Start run").click()
+    start.click()
     expect(page.get_by_role("dialog", name="Start a run")).to_be_visible()
     visit.take("start")
     visit.wait(lambda: set(states()) == {"finished"}, "the end of the sweep", SWEEP_DEADLINE_S)
