@@ -90,7 +90,7 @@ def test_a_run_that_fails_is_told_and_load_is_kept(
         text
     )
     chart = page.get_by_role("figure", name=re.compile("^CPU"))
-    expect(chart.get_by_text("Dashboard")).to_be_visible()
+    expect(chart.get_by_text("Dashboard").first).to_be_visible()  # it may have been started again
     page.get_by_role("region", name="Messages").get_by_role("button", name="Show").click()
     expect(page.get_by_role("heading", name="reaching bpn seed 0", level=1)).to_be_visible()
 

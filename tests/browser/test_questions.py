@@ -39,14 +39,14 @@ def test_a_newcomer_compares_without_typing(page: Page, dashboard: Any) -> None:
 
     # A point that was never run is started from the heat map.
     sweep = dashboard.ask("GET", "/sweeps")["items"][0]["id"]
-    other = dashboard.start(alpha=0.5, hidden_units=24, seed=9, iterations=1)
+    other = dashboard.start(alpha=0.5, hidden_units=23, seed=9, iterations=1)
     page.goto(
         f"{dashboard.url}?page=compare&query=alpha%3D0.5,0.95&tab=heatmap&hx=alpha&hy=hidden_units"
     )
-    page.get_by_role("button", name="Start runs at alpha 0.95, hidden_units 24").click()
+    page.get_by_role("button", name="Start runs at alpha 0.95, hidden_units 23").click()
     dialog = page.get_by_role("dialog", name="Start a sweep")
     expect(dialog.get_by_label("alpha", exact=True)).to_have_value("0.95")
-    expect(dialog.get_by_label("hidden_units", exact=True)).to_have_value("24")
+    expect(dialog.get_by_label("hidden_units", exact=True)).to_have_value("23")
     dialog.get_by_role("button", name="Cancel").click()
     page.goto(f"{dashboard.url}?page=sweeps")
     page.get_by_role("button", name="Again").first.click()

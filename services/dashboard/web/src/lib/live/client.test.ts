@@ -3,6 +3,9 @@ import { WebSocket as NodeWebSocket, WebSocketServer } from 'ws';
 import { LiveClient, type LiveClientOptions } from './client';
 import { FRAME_HEADER_BYTES, type ClientMessage } from './protocol';
 
+/** Long, because only what is broken waits so long, on a machine that may be busy. */
+const until = (holds: () => void) => vi.waitFor(holds, { timeout: 4000 });
+
 /** A hub of this test's making at the other end of a real WebSocket. */
 class Hub {
   readonly received: ClientMessage[] = [];
@@ -90,18 +93,18 @@ function client(port: number, options: LiveClientOptions = {}): LiveClient {
   return made;
 }
 
-const online = (live: LiveClient) => vi.waitFor(() => expect(live.status.state).toBe('online'));
+const online = (live: LiveClient) => until(() => expect(live.status.state).toBe('online'));
 
 test('what was subscribed before the connection stands is asked for after the welcome', async () => {
   const server = await hub();
   const live = client(server.port);
   const data: unknown[] = [];
   live.subscribe('metrics/r', { since: 7, onData: (value) => data.push(value) });
-  await vi.waitFor(() => expect(server.subscriptions()).toHaveLength(1));
+  await until(() => expect(server.subscriptions()).toHaveLength(1));
   expect(server.received[0]).toEqual({ op: 'hello', proto: 1 });
   expect(server.subscriptions()[0]).toEqual({ op: 'sub', id: 1, topic: 'metrics/r', since: 7 });
   server.send({ op: 'data', id: 1, seq: 8, t_unix_s: 1, data: { points: [] } });
-  await vi.waitFor(() => expect(data).toEqual([{ points: [] }]));
+  await until(() => expect(data).toEqual([{ points: [] }]));
 });
 
 test('after a lost connection every topic goes on from where it was', async () => {
@@ -112,7 +115,7 @@ test('after a lost connection every topic goes on from where it was', async () =
   await online(live);
   server.send({ op: 'data', id: 1, seq: 41, t_unix_s: 1, data: null });
   server.sockets[0]!.terminate();
-  await vi.waitFor(() => expect(server.subscriptions()).toHaveLength(2));
+  await until(() => expect(server.subscriptions()).toHaveLength(2));
   expect(server.subscriptions()[1]).toMatchObject({ topic: 'metrics/r', since: 41 });
   expect(gaps).toEqual([]);
 });
@@ -124,11 +127,11 @@ test('a restarted server counts anew, and the subscriber is told that it may hav
   live.subscribe('logs/r', { onGap: (missed) => gaps.push(missed) });
   await online(live);
   first.send({ op: 'data', id: 1, seq: 41, t_unix_s: 1, data: null });
-  await vi.waitFor(() => expect(live.statistics.messages).toBeGreaterThan(1));
+  await until(() => expect(live.statistics.messages).toBeGreaterThan(1));
   await first.close();
-  await vi.waitFor(() => expect(live.status.lostAtMs).not.toBeNull());
+  await until(() => expect(live.status.lostAtMs).not.toBeNull());
   const second = await hub('second', first.port);
-  await vi.waitFor(() => expect(second.subscriptions()).toHaveLength(1));
+  await until(() => expect(second.subscriptions()).toHaveLength(1));
   expect(second.subscriptions()[0]).toMatchObject({ topic: 'logs/r', since: null });
   expect(gaps).toEqual([null]);
   expect(live.status).toMatchObject({ state: 'online', lostAtMs: null });
@@ -145,15 +148,15 @@ test('frames are acknowledged when they are done with, and unsubscribing stops t
   await online(live);
   expect(server.subscriptions()[0]).toMatchObject({ rate_hz: 5 });
   server.sendFrame(1, 3);
-  await vi.waitFor(() => expect(finish).toHaveLength(1));
+  await until(() => expect(finish).toHaveLength(1));
   expect(server.received.some((message) => message.op === 'ack')).toBe(false);
   finish[0]!();
-  await vi.waitFor(() => expect(server.received).toContainEqual({ op: 'ack', id: 1, seq: 3 }));
+  await until(() => expect(server.received).toContainEqual({ op: 'ack', id: 1, seq: 3 }));
   unsubscribe();
-  await vi.waitFor(() => expect(server.received).toContainEqual({ op: 'unsub', id: 1 }));
+  await until(() => expect(server.received).toContainEqual({ op: 'unsub', id: 1 }));
   server.sendFrame(1, 4);
   server.send({ op: 'gap', id: 1, missed: 2 });
-  await vi.waitFor(() => expect(live.statistics.gaps).toBe(1));
+  await until(() => expect(live.statistics.gaps).toBe(1));
   expect(finish).toHaveLength(1);
 });
 
@@ -162,7 +165,7 @@ test('a session that is no longer valid ends the attempts', async () => {
   const live = client(server.port);
   await online(live);
   await server.close(4401);
-  await vi.waitFor(() => expect(live.status.state).toBe('unauthorized'));
+  await until(() => expect(live.status.state).toBe('unauthorized'));
   expect(live.status.retryAtMs).toBeNull();
 });
 
@@ -173,7 +176,7 @@ test('what is not understood is counted and the connection goes on', async () =>
   await online(live);
   server.send({ op: 'data', id: 'one' });
   server.sockets[0]!.send(Buffer.from([1, 2, 3]));
-  await vi.waitFor(() => expect(refused).toHaveLength(2));
+  await until(() => expect(refused).toHaveLength(2));
   expect(refused[0]).toContain('id is "one"');
   expect(live.status.state).toBe('online');
 });
@@ -181,7 +184,7 @@ test('what is not understood is counted and the connection goes on', async () =>
 test('the round trip is measured', async () => {
   const server = await hub();
   const live = client(server.port);
-  await vi.waitFor(() => expect(live.status.roundTripMs).toBeGreaterThanOrEqual(0));
+  await until(() => expect(live.status.roundTripMs).toBeGreaterThanOrEqual(0));
 });
 
 test('errors of a topic reach its subscriber alone', async () => {
@@ -192,5 +195,5 @@ test('errors of a topic reach its subscriber alone', async () => {
   live.subscribe('topology', { onError: () => errors.push('wrong one') });
   await online(live);
   server.send({ op: 'error', id: 1, title: 'no such run' });
-  await vi.waitFor(() => expect(errors).toEqual(['no such run']));
+  await until(() => expect(errors).toEqual(['no such run']));
 });
