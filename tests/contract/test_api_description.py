@@ -35,12 +35,24 @@ MORE_THAN_A_SCHEMA = {
     "GET /api/v1/audit",  # cursors are authenticated
     "GET /api/v1/heatmap",  # config.KEY must be a value of that key
     "GET /api/v1/runs",
+    "GET /api/v1/runs/failures",
+    "GET /api/v1/runs/ids",
+    "GET /api/v1/runs/overview",
     "GET /api/v1/runs/{run_id}/logs",
     "GET /api/v1/sweeps",
+    "PATCH /api/v1/runs/{run_id}",  # what people read has no invisible characters
+    "POST /api/v1/comparison",  # either runs or filter
+    "POST /api/v1/comparison/episodes",
     "POST /api/v1/runs",  # values must fit together, and an environment be there
+    "POST /api/v1/runs/check",
     "POST /api/v1/runs/prune",  # one of two rules at least
-    "POST /api/v1/series/query",  # either runs or filter
+    "POST /api/v1/runs/tags",
+    "POST /api/v1/runs/values",  # columns are of metrics and keys that there are
+    "POST /api/v1/series/query",
     "POST /api/v1/sweeps",  # at most so many runs, and seed not in both grid and seeds
+    "POST /api/v1/tokens",
+    "POST /api/v1/views",  # addresses lead to pages of the dashboard
+    "PUT /api/v1/views/{view_id}",
 }
 """What they refuse with 422 although a JSON schema cannot say it."""
 

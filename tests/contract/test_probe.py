@@ -48,7 +48,7 @@ def odd(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.usefixtures("odd")
 def test_a_process_of_its_own_survives_what_environments_do() -> None:
     loud = probe_in_child(ProbeRequest(task="gym:bpn-odd/Loud-v0"))
-    assert loud == ProbeReply(actions=2, seen="renders")
+    assert loud == ProbeReply(actions=2, dims=(2,), seen="renders")
     with pytest.raises(ConfigError, match="ended with status -6 while it was tried out"):
         probe_in_child(ProbeRequest(task="gym:bpn-odd/Crashing-v0"))
     with pytest.raises(ConfigError, match="took longer than 10 s"):
@@ -76,7 +76,7 @@ def test_an_idle_robot_worker_answers(
 
     try:
         wait_for(answered, "the worker to answer")
-        assert found == [ProbeReply(actions=2, seen="renders")]
+        assert found == [ProbeReply(actions=2, dims=(2,), seen="renders")]
         with pytest.raises(ConfigError, match=r"^gym:Pendulum-v1 has actions Box.*only discrete"):
             probe_by_worker(bus, ProbeRequest(task="gym:Pendulum-v1"))
     finally:
@@ -124,7 +124,7 @@ def test_what_comes_over_the_bus_makes_no_worker_import_but_what_it_allows(
             worker.terminate()
             worker.wait(10)
         if allow:
-            assert found == [ProbeReply(actions=2, seen="renders")]
+            assert found == [ProbeReply(actions=2, dims=(2,), seen="renders")]
         else:
             assert "needs the module 'witness', which is not allowed here" in str(found[0])
         assert imported.exists() == bool(allow)
