@@ -77,8 +77,8 @@ def test_an_idle_robot_worker_answers(
     try:
         wait_for(answered, "the worker to answer")
         assert found == [ProbeReply(actions=2, dims=(2,), seen="renders")]
-        with pytest.raises(ConfigError, match=r"^gym:Pendulum-v1 has actions Box.*only discrete"):
-            probe_by_worker(bus, ProbeRequest(task="gym:Pendulum-v1"))
+        with pytest.raises(ConfigError, match=r"^gym:Pendulum-v1 has 1 actions, a policy has"):
+            probe_by_worker(bus, ProbeRequest(task="gym:Pendulum-v1", action_bins=1))
     finally:
         worker.terminate()
         worker.wait(10)

@@ -90,7 +90,7 @@ def test_up_learns_in_an_empty_folder(
         text=True,
         check=True,
     )
-    assert said.stdout.strip() == f"bpn {VERSION}"
+    assert said.stdout.startswith(f"bpn {VERSION},")
     runs = tmp_path / "runs"
     with running_pool(
         runs,
