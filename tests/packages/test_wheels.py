@@ -100,11 +100,7 @@ def test_up_learns_in_an_empty_folder(
     ) as pool:
         page = urlopen(pool.dashboard.url, timeout=30).read().decode()
         assert '<script type="module"' in page
-        run = pool.dashboard.create_run(
-            {
-                "task": "reaching",
-                "training": {"iterations": 1, "episodes": 2, "steps": 10, "epochs": 1},
-            }
-        )
+        quick = {"task": "reaching", "iterations": 1, "episodes": 2, "steps": 10, "epochs": 1}
+        run = pool.dashboard.create_run(quick)["id"]
         wait_for(lambda: pool.state(run) == "finished", "the run to finish", 300)
         assert len(pool.sha256(run)) == 64
