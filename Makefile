@@ -23,7 +23,7 @@ dev: $(DEV)      ## install what tests, benchmarks and figures need beside
 	@true
 
 # More of them: make check QUICK="tests/unit tests/contract"
-QUICK ?= tests/unit/shared tests/unit/edge tests/unit/tasks --ignore=tests/unit/edge/test_kernel_exactness.py
+QUICK ?= tests/unit/shared tests/unit/edge tests/unit/tasks --ignore=tests/unit/edge/test_kernel_exactness.py --ignore=tests/unit/edge/test_c_library.py
 
 check: $(DEV)    ## the inner loop, under a minute on an idle machine: ruff, import-linter, unit tests of what all share
 	$(BIN)/ruff check .
