@@ -1,7 +1,7 @@
 """What runs on a machine that has joined another one's bus, and the care of its certificate."""
 
 import logging
-import time
+import threading
 from collections.abc import Collection
 from datetime import UTC, datetime
 from pathlib import Path
@@ -47,23 +47,25 @@ class Renewal:
 
     def __init__(self, machine: Machine) -> None:
         self._machine = machine
-        self._look_at_s = time.monotonic()
         self._pauses = Backoff(_TRY_AGAIN_S, _TRY_AGAIN_AT_MOST_S)
 
-    def look(self) -> None:
-        """Does so if it is time to look."""
-        if time.monotonic() < self._look_at_s:
-            return
-        self._look_at_s = time.monotonic() + _LOOK_S
-        if not _is_near_end(self._machine.files.certificate):
-            return
+    def follow(self, stop: threading.Event) -> None:
+        """Looks now and then until `stop` is set. The other machine may take its time to answer."""
+        while not stop.wait(self.look()):
+            pass
+
+    def look(self) -> float:
+        """Renews it if its end is near; returns the seconds until the next look."""
         try:
+            if not _is_near_end(self._machine.files.certificate):
+                return _LOOK_S
             self._machine.renew()
-            self._pauses.reset()
-            log.warning("this machine's certificate was renewed")
         except (InputError, UnreachableError, OSError, ValueError) as error:
-            self._look_at_s = time.monotonic() + self._pauses.next_s()
             log.warning("this machine's certificate cannot be renewed: %s", one_line(error))
+            return self._pauses.next_s()
+        self._pauses.reset()
+        log.warning("this machine's certificate was renewed")
+        return _LOOK_S
 
 
 def _is_near_end(certificate: Path) -> bool:

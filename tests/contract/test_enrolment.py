@@ -243,7 +243,7 @@ def test_a_certificate_near_its_end_is_renewed_by_the_machine_itself(
 ) -> None:
     machine = join(office.token(), "pi-7", tmp_path / "pi")
     before = machine.files.certificate.read_bytes()
-    Renewal(machine).look()
+    hours_s = Renewal(machine).look()
     assert machine.files.certificate.read_bytes() == before  # it is good for long
     folder = office.folder / "authority"
     authority = Pair.from_pem((folder / CERTIFICATE).read_bytes(), (folder / KEY).read_bytes())
@@ -259,6 +259,16 @@ def test_a_certificate_near_its_end_is_renewed_by_the_machine_itself(
     machine.files.certificate.unlink()
     machine.files.certificate.write_bytes(ending.public_bytes(Encoding.PEM))
     Book(office.folder).remove("pi-7")
-    Renewal(machine).look()
+    assert Renewal(machine).look() < hours_s
     assert "cannot be renewed" in caplog.text
     assert "is not admitted" in caplog.text
+
+
+def test_a_damaged_certificate_ends_nobody(
+    office: Office, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    machine = join(office.token(), "pi-7", tmp_path / "pi")
+    machine.files.certificate.unlink()
+    machine.files.certificate.write_bytes(b"no certificate")
+    assert Renewal(machine).look() > 0
+    assert "cannot be renewed" in caplog.text

@@ -68,7 +68,9 @@ def run(options: argparse.Namespace) -> int:
     supervisor, stop = Supervisor(services, options.state_dir / "logs"), stop_on_signals()
     try:
         supervisor.start()
-        _supervise(supervisor, Renewal(machine), stop)
+        renewal = Renewal(machine)
+        threading.Thread(target=renewal.follow, args=(stop,), name="renewal", daemon=True).start()
+        _supervise(supervisor, stop)
     finally:
         supervisor.stop()
     if supervisor.failure:
@@ -78,10 +80,9 @@ def run(options: argparse.Namespace) -> int:
     return 130
 
 
-def _supervise(supervisor: Supervisor, renewal: Renewal, stop: threading.Event) -> None:
+def _supervise(supervisor: Supervisor, stop: threading.Event) -> None:
     while not (supervisor.failure or stop.wait(_CHECK_S)):
         supervisor.check()
-        renewal.look()
 
 
 def _machine(options: argparse.Namespace) -> Machine:

@@ -9,10 +9,11 @@ import fcntl
 import json
 import os
 import secrets
+import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import IO, Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
@@ -27,6 +28,8 @@ _FILE, _LOCK, _AUDIT = "joining.json", ".joining.lock", "audit.jsonl"
 _KEPT_S = 7 * 86_400.0
 """For so long after its end an invitation is remembered, so that whoever uses it late is told why not."""
 MAX_INVITATIONS = 1000
+_PATIENCE_S, _AGAIN_S = 10.0, 0.02
+"""How long another process may hold the book, which takes milliseconds, and how often it is asked for."""
 
 
 class JoinRefusedError(Exception):
@@ -276,7 +279,7 @@ class Book:
     def _changed(self) -> Iterator[_Content]:
         """What is in the file, which has what the body leaves when that ends without an exception."""
         with (self._home / _LOCK).open("a") as lock:
-            fcntl.flock(lock, fcntl.LOCK_EX)
+            self._hold(lock)
             content = self._read()
             since = self._now() - _KEPT_S
             content.invitations = [one for one in content.invitations if one.ends_unix_s > since]
@@ -286,6 +289,24 @@ class Book:
                 data = content.model_dump_json(indent=1).encode()
                 write_atomically(self._home / _FILE, data, mode=0o600)
                 self.tell_routers(content)
+
+    def _hold(self, lock: IO[str]) -> None:
+        """Raises:
+        InputError: another process holds the lock and does not let it go.
+        """
+        deadline_s, pause = time.monotonic() + _PATIENCE_S, threading.Event()
+        while True:
+            try:
+                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                if time.monotonic() > deadline_s:
+                    raise InputError(
+                        f"{lock.name} has been held by another program for {_PATIENCE_S:g} s: "
+                        "end whatever `bpn invite`, `bpn machines` or `bpn up` stands still"
+                    ) from None
+                pause.wait(_AGAIN_S)
+            else:
+                return
 
     def tell_routers(self, content: _Content | None = None) -> None:
         """Writes the list of machines into every router's folder, where it is another one."""

@@ -1,5 +1,6 @@
 """Invitations are good once and for a time; machines until they are removed."""
 
+import fcntl
 import json
 import stat
 from collections.abc import Callable
@@ -146,3 +147,14 @@ def test_invitations_that_are_over_keep_nobody_from_being_invited(
         desk.book.invite(None, None, LIFETIME_S)
     desk.book.revoke(desk.book.invitations()[0].id)
     assert desk.redeem(desk.book.invite(None, None, LIFETIME_S), "pi-8").machine == "pi-8"
+
+
+def test_a_program_that_holds_the_book_and_stands_still_is_not_waited_for(
+    desk: Desk, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(book_module, "_PATIENCE_S", 0.1)
+    with (desk.folder / AUTHORITY_FOLDER / ".joining.lock").open("a") as other:
+        fcntl.flock(other, fcntl.LOCK_EX)
+        with pytest.raises(InputError, match="held by another program"):
+            desk.book.invite("pi-7", None, LIFETIME_S)
+    desk.book.invite("pi-7", None, LIFETIME_S)
