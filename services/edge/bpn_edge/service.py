@@ -72,6 +72,7 @@ def serve(
         )
         learner, pace = LearnerLink(worker), Pace()
         while not worker.stop.is_set():
+            collector.collect()
             newest = memory.newest
             assignment = learner.next_episode(newest)
             if assignment is None:
@@ -103,7 +104,6 @@ def serve(
             try:
                 choose = action_selector(config, assignment, memory.weights.scale)
                 episode = driver.play(assignment, choose, meanwhile=learner.deliver)
-                collector.collect()
                 # What a damaged bank played is no data: it is asked for, and played, again.
                 if episode is not None and memory.is_intact():
                     learner.take_in_hand(episode)

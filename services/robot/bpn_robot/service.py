@@ -98,6 +98,7 @@ class RobotService:
                 if reset is None:
                     self._commands.stop()
                     self._worker.waiting.set("an edge to begin an episode")
+                    self._collector.collect()
                     self._edge.take(_RESEND_S)
                     continue
                 self._worker.waiting.done()

@@ -13,7 +13,7 @@ class Collector:
     """
 
     def __init__(self) -> None:
-        self._episodes = 0
+        self._times = 0
 
     def __enter__(self) -> Self:
         gc.collect()
@@ -22,9 +22,9 @@ class Collector:
         return self
 
     def collect(self) -> None:
-        """An episode is over."""
-        self._episodes += 1
-        gc.collect(2 if self._episodes % _FULL_EVERY == 0 else 1)
+        """No episode is under way."""
+        self._times += 1
+        gc.collect(2 if self._times % _FULL_EVERY == 0 else 1)
 
     def __exit__(self, *_: object) -> None:
         gc.enable()
