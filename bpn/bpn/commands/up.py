@@ -55,6 +55,14 @@ def add_options(parser: argparse.ArgumentParser, _arguments: Sequence[str]) -> N
         help="where `bpn join` is answered (default: the one after the router's)",
     )  # fmt: skip
     parser.add_argument(
+        "--alert-webhook",
+        metavar="URL",
+        help="where alerts are sent by POST, signed with --alert-secret",
+    )
+    parser.add_argument(
+        "--alert-secret", type=Path, metavar="FILE", help="the secret that signs them"
+    )
+    parser.add_argument(
         "--first-run", metavar="TASK", default="",
         help="start a run of this task if there is no run yet (default: the page offers one)",
     )  # fmt: skip
@@ -88,7 +96,7 @@ def run(options: argparse.Namespace) -> int:
         size,
         options.runs_dir,
         options.listen or private_endpoint(),
-        ["--port", str(port), "--first-run", options.first_run],
+        _of_dashboard(options, port),
         certificates=certificates,
         enrolment_port=enrolment_port,
         gym_modules=allowed_modules(options.gym_modules),
@@ -202,6 +210,16 @@ def _size(options: argparse.Namespace) -> PoolSize:
         if not 0 <= count <= 64:
             raise InputError(f"--{name} = {count} must be 0 to 64")
     return PoolSize(robots, edges, learners)
+
+
+def _of_dashboard(options: argparse.Namespace, port: int) -> list[str]:
+    """The dashboard's own options; it refuses what is wrong with them."""
+    given = ["--port", str(port), "--first-run", options.first_run]
+    for name in ("alert_webhook", "alert_secret"):
+        value = getattr(options, name)
+        if value is not None:
+            given += [f"--{name.replace('_', '-')}", str(value)]
+    return given
 
 
 def _supervise(supervisor: Supervisor, runs_dir: Path, stop: threading.Event) -> None:

@@ -29,3 +29,13 @@ def test_a_robot_and_its_edge_share_a_core_and_a_place() -> None:
     assert [name for name, service in by_name.items() if service.essential] == [
         "router", "dashboard",
     ]  # fmt: skip
+
+
+def test_a_wrong_webhook_is_refused_by_the_dashboard_in_one_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    secret = tmp_path / "secret"
+    secret.write_bytes(b"s" * 32)
+    told = ["--alert-webhook", "ftp://x", "--alert-secret", str(secret)]
+    assert main(["up", "--port", "0", "--runs-dir", str(tmp_path / "runs"), *told]) == 2
+    assert "--alert-webhook ftp://x: must be http://" in capsys.readouterr().err

@@ -65,6 +65,8 @@ def test_values_of_runs_for_charts_of_runs_over_each_other(client, store, contex
     }  # fmt: skip
     chosen = {"runs": ids[:1], "columns": columns}
     assert client.post("/api/v1/runs/values", json=chosen).json()["names"] == ["run 0"]
+    unknown = chosen | {"runs": [*chosen["runs"], "01a201f9-821b-74c6-95eb-3f4ab1331c4c"]}
+    assert client.post("/api/v1/runs/values", json=unknown).status_code == 404
     for wrong in ({"columns": columns}, {"filter": {}, "columns": ["colour"]}):
         assert client.post("/api/v1/runs/values", json=wrong).status_code == 422
 
