@@ -2,7 +2,6 @@
 
 import json
 import os
-import random
 import signal
 import subprocess
 import sys
@@ -13,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import psutil
 import pytest
+from moments import random_moments
 from rich.console import Console
 
 from bpn.local_run import execute, new_run, private_endpoint
@@ -52,29 +52,36 @@ def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> str:
     return sha256
 
 
-def test_every_service_may_die_in_the_middle_of_an_iteration(
-    undisturbed: str, tmp_path: Path, wait_for: Callable[..., None]
-) -> None:
-    folder = new_run(tmp_path, CONFIG)
+def start(folder: RunFolder, wait_for: Callable[..., None]) -> tuple[threading.Thread, Supervisor]:
+    """Who goes on with the run, and its services."""
     started: list[Supervisor] = []
     run = threading.Thread(target=run_to_end, args=(folder, started.append))
     run.start()
     wait_for(lambda: started, "the supervisor")
-    (supervisor,) = started
+    return run, started[0]
+
+
+def kill(supervisor: Supervisor, name: str, wait_for: Callable[..., None]) -> None:
+    """kill -9, and the service is there again."""
+    pid = supervisor.service(name).pid
+    assert pid is not None
+    os.kill(pid, signal.SIGKILL)
+    wait_for(lambda: supervisor.service(name).pid not in (pid, None), f"{name} to be started again")
+
+
+def test_every_service_may_die_in_the_middle_of_an_iteration(
+    undisturbed: str, tmp_path: Path, wait_for: Callable[..., None]
+) -> None:
+    folder = new_run(tmp_path, CONFIG)
+    run, supervisor = start(folder, wait_for)
     for iteration, name in enumerate(VICTIMS):
         wait_for(
             lambda i=iteration: folder.episode_path(i, 4).exists(),
             f"the middle of iteration {iteration}",
             60,
         )
-        pid = supervisor.service(name).pid
-        assert pid is not None
         assert not folder.episode_path(iteration, CONFIG.episodes - 1).exists(), "not the middle"
-        os.kill(pid, signal.SIGKILL)
-        wait_for(
-            lambda name=name, pid=pid: supervisor.service(name).pid not in (pid, None),
-            f"{name} to be started again",
-        )
+        kill(supervisor, name, wait_for)
     run.join(120)
     assert not run.is_alive(), "the run did not come to its end"
     summary = summarize(folder)
@@ -91,12 +98,8 @@ def test_router_edge_and_robot_may_die_at_any_moment(
 ) -> None:
     """While frames and actions go past the router, and while they do not for a moment."""
     folder = new_run(tmp_path, CONFIG)
-    started: list[Supervisor] = []
-    run = threading.Thread(target=run_to_end, args=(folder, started.append))
-    run.start()
-    wait_for(lambda: started, "the supervisor")
-    (supervisor,) = started
-    moments = random.Random(os.environ.get("BPN_TEST_SEED"))
+    run, supervisor = start(folder, wait_for)
+    moments = random_moments()
     victims = 2 * ["edge-0", "robot-0", "router"]
     moments.shuffle(victims)
     for number, name in enumerate(victims):
@@ -106,13 +109,7 @@ def test_router_edge_and_robot_may_die_at_any_moment(
             f"{episodes} episodes",
             120,
         )
-        pid = supervisor.service(name).pid
-        assert pid is not None
-        os.kill(pid, signal.SIGKILL)
-        wait_for(
-            lambda name=name, pid=pid: supervisor.service(name).pid not in (pid, None),
-            f"{name} to be started again",
-        )
+        kill(supervisor, name, wait_for)
     run.join(180)
     assert not run.is_alive(), "the run did not come to its end"
     summary = summarize(folder)

@@ -1,7 +1,6 @@
 """kill -9 of edge, robot and router of a robot in motion: it holds, then stops; episodes tell what it was told."""
 
 import os
-import random
 import signal
 import subprocess
 from collections.abc import Callable
@@ -12,6 +11,7 @@ import pytest
 from example_packages import where_installed
 from installed import install
 from journal_robot import JOURNAL, PERIOD_S, Entry, read, spec
+from moments import random_moments
 
 from bpn_shared.messages.episode import Episode
 
@@ -79,7 +79,7 @@ def test_whoever_is_killed_the_robot_is_commanded_to_stop_and_episodes_tell_what
         command("train", *words, "--hidden-units", "16", "--runs-dir", str(tmp_path / "runs")),
         env=environment, stdout=subprocess.DEVNULL,
     )  # fmt: skip
-    moments = random.Random(os.environ.get("BPN_TEST_SEED"))
+    moments = random_moments()
     try:
         for victim in ("bpn_edge", "bpn_robot_sim", "bpn_shared.bus.router"):
             begun = len(commanded(read(journal)))
